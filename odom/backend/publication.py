@@ -17,7 +17,7 @@ class Publication:
     `covariance` (6 x 6, `se3`, camera frame) is that of the pose since its segment began. `T_middle_stamp` is the
     motion from the time of the image's middle row to the stamp, with its 6 x 6 covariance. `step` is the motion since
     the frame before, `second` the one over a second. By `doubt` the covariances allow for a camera that follows a
-    moving body.
+    moving body. The pose of a frame that could not be tracked `is_predicted`.
     """
 
     frame: LoggedFrame
@@ -28,6 +28,7 @@ class Publication:
     step: RelativePose | None = None
     second: RelativePose | None = None
     doubt: Doubt = field(default_factory=Doubt)
+    is_predicted: bool = False
 
     def in_estimate(self, estimate: Estimate) -> Estimate:
         """Return a frame's estimate with its pose and motions."""

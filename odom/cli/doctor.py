@@ -113,7 +113,7 @@ def judge_odometry(
         doubtful += is_doubtful
     odometry.finish_map()
     some = frames[:: max(1, len(frames) // _LOOKED_AT)]
-    levels = judge_levels([frame.depth_mm for frame in some], odometry.sensor.noise.noise)
+    levels = judge_levels([frame.depth_mm for frame in some], odometry.sensor.noise.feature_noise)
     period_s = float(np.median(np.diff([frame.stamp for frame in frames]))) * 1e-9 if len(frames) > 1 else 0.0
     return [levels, judge_tracking(reasons, inliers, doubtful), _judge_speed(spent[_WARM_UP:], period_s)]
 

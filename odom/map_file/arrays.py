@@ -28,6 +28,13 @@ _MOST_BYTES = 1 << 30
 Arrays = Mapping[str, NDArray[Any]]
 
 
+class _Unpacked(dict[str, NDArray[Any]]):
+    """Arrays by name; one that is missing is an error of the map."""
+
+    def __missing__(self, name: str) -> NDArray[Any]:
+        raise MapError(f"not what was written: it holds no {name}")
+
+
 def pack(arrays: Arrays) -> bytes:
     """Return the bytes of named arrays."""
     header = [[name, a.dtype.newbyteorder("<").str, list(a.shape)] for name, a in arrays.items()]
@@ -38,7 +45,10 @@ def pack(arrays: Arrays) -> bytes:
 
 
 def unpack(content: bytes) -> dict[str, NDArray[Any]]:
-    """Return the arrays that were packed; raises MapError for bytes that are not what was written."""
+    """Return the arrays that were packed, of which one that is not there raises MapError when it is asked for.
+
+    Raises MapError for bytes that are not what was written.
+    """
     try:
         packed = unchecked(content)
         if zstandard.frame_content_size(packed) > _MOST_BYTES:  # zstd takes as much memory as a value says it needs
@@ -46,7 +56,7 @@ def unpack(content: bytes) -> dict[str, NDArray[Any]]:
         inside = zstandard.ZstdDecompressor().decompress(packed, max_output_size=_MOST_BYTES)
         (length,) = _NUMBER.unpack_from(inside)
         at = _NUMBER.size + length
-        arrays: dict[str, NDArray[Any]] = {}
+        arrays = _Unpacked()
         for name, type_, shape in json.loads(inside[_NUMBER.size : at]):
             if type_ not in _TYPES:
                 raise MapError(f"an array of type {type_}")

@@ -32,7 +32,7 @@ def _read(db: sqlite3.Connection) -> list[PlaceBlock]:
     for (content,) in db.execute("SELECT content FROM place_block ORDER BY first"):
         try:
             blocks.append(_block(content))
-        except (MapError, KeyError):  # it is made again from the places themselves
+        except MapError:  # it is made again from the places themselves
             continue
     known = {int(n) for block in blocks for n in block.numbers}
     fresh = [n for (n,) in db.execute("SELECT number FROM place ORDER BY number") if n not in known]

@@ -147,7 +147,11 @@ def _noise(merged: SavedMap) -> NoiseMonitor | None:
     if merged.sensor is None:
         return None
     memory = merged.sensor
-    return replace(NoiseMonitor.of(memory.noise), halves=memory.halves, jumps=memory.jumps)
+    return replace(
+        NoiseMonitor.of(memory.noise),
+        inflation_by_halves=memory.inflation_by_halves,
+        inflation_by_jumps=memory.inflation_by_jumps,
+    )
 
 
 def _joined(merged: SavedMap, recognised: Sequence[Edge]) -> tuple[Joined, SavedMap]:

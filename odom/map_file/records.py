@@ -152,7 +152,7 @@ def sensor_bytes(sensor: SensorMemory) -> bytes:
             "timing_information": sensor.timing_information,
             "pixel_sigma": np.array([sensor.noise.pixel_sigma]),
             "inverse_depth_sigma": sensor.noise.inverse_depth_sigma,
-            "inflations": np.array([sensor.halves, sensor.jumps]),
+            "inflations": np.array([sensor.inflation_by_halves, sensor.inflation_by_jumps]),
             "tilt_angles": tilt.angles,
             "tilt_information": tilt.information,
             "tilt_evidence": tilt.evidence,
@@ -173,8 +173,8 @@ def sensor_of(content: bytes) -> SensorMemory:
         tilt = DepthTilt(a["tilt_angles"], a["tilt_information"], a["tilt_evidence"], is_shown)
     noise = FeatureNoise(float(a["pixel_sigma"][0]), a["inverse_depth_sigma"])
     timing = ShutterTiming(*a["timing"].tolist())
-    halves, jumps = a["inflations"].tolist()
-    return SensorMemory(timing, a["timing_information"], noise, halves, jumps, tilt)
+    by_halves, by_jumps = a["inflations"].tolist()
+    return SensorMemory(timing, a["timing_information"], noise, by_halves, by_jumps, tilt)
 
 
 def _unpacked(number: int, content: bytes) -> dict[str, NDArray[Any]]:

@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 from made_up_scene import points_ahead, project
 
-from odom.backend.tracking.consensus import FollowedFeatures, consensus, triples_needed
+from odom.backend.tracking.consensus import consensus, triples_needed
 from odom.backend.tracking.expected_pose import ExpectedPose
 from odom.backend.tracking.tuning import TUNING
+from odom.backend.tracking.voting_features import VotingFeatures
 from odom.geometry import se3
 
 ANYWHERE = ExpectedPose(np.eye(4), np.full(2, np.inf))
@@ -20,7 +21,7 @@ SLOW_BODY = se3.exp(np.array([-0.008, 0.0, 0.0, 0.0, 0.0, 0.0])) @ CAMERA
 """The same of a body that went 8 mm: where it puts the camera, most of the scene is off by 1 to 3 pixels."""
 
 
-def two_motions(rng, scene: int, body: int, seen_on_body: int = 8, T_body=BODY) -> FollowedFeatures:
+def two_motions(rng, scene: int, body: int, seen_on_body: int = 8, T_body=BODY) -> VotingFeatures:
     """Features of a scene all over the image, and of a body in its middle, whose points lie close together."""
     points = points_ahead(rng, scene + body)
     rays = np.column_stack([rng.uniform(-0.12, 0.12, body), rng.uniform(-0.35, 0.35, body)])
@@ -29,7 +30,7 @@ def two_motions(rng, scene: int, body: int, seen_on_body: int = 8, T_body=BODY) 
     seen += 0.3 * PIXEL * rng.normal(size=seen.shape)
     uv = np.array([319.5, 239.5]) + seen / PIXEL
     counts = np.concatenate([np.full(scene, 8), np.full(body, seen_on_body)])
-    return FollowedFeatures(points, np.zeros(3), seen, uv, counts, 1.0, PIXEL)
+    return VotingFeatures(points, np.zeros(3), seen, uv, counts, 1.0, PIXEL)
 
 
 @pytest.mark.parametrize("seed", range(5))

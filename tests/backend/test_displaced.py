@@ -8,7 +8,7 @@ import pytest
 
 from odom import Odometry, read_recording
 from odom.backend.map.keyframe import FrameObservations, Keyframe, MeasuredLandmarks
-from odom.backend.tracking.frame_state import Tracked
+from odom.backend.tracking.tracked_frame import TrackedFrame
 from odom.backend.tracking.tuning import TUNING
 from odom.calibration.result import calibrated
 from odom.calibration.survey import survey_of
@@ -29,13 +29,13 @@ def measured(n: int) -> Measurements:
     return Measurements(values, np.zeros((n, 3, 3)), np.full((n, 4), 1e-6), np.zeros((n, 2)))
 
 
-def tracked(chi2_of_rays: list[float]) -> Tracked:
+def tracked(chi2_of_rays: list[float]) -> TrackedFrame:
     n = len(chi2_of_rays)
     chi2 = np.column_stack([chi2_of_rays, np.zeros(n)])
     pose, found, seen = (np.eye(4), np.eye(6)), (np.arange(n), np.zeros((n, 2))), chi2[:, 0] < TUNING.inlier_chi2
     nothing = np.zeros(0, dtype=np.int64)
     rest = (np.arange(n), nothing, nothing, SimpleNamespace(), 0, np.zeros(6), SimpleNamespace())
-    return Tracked(*pose, *found, measured(n), chi2, seen, *rest)
+    return TrackedFrame(*pose, *found, measured(n), chi2, seen, *rest)
 
 
 def keyframe_with_displaced() -> Keyframe:
@@ -57,7 +57,7 @@ def test_what_is_found_near_its_prediction_is_inlying_or_displaced_and_what_is_f
 
 def test_displaced_landmarks_are_seen_through_a_new_lens_as_the_others_are():
     keyframe = keyframe_with_displaced()
-    keyframe.see_through(LensChange(Lens.of(AVERAGE), Lens.of(LONGER, frame_of=AVERAGE)))
+    keyframe.change_lens(LensChange(Lens.of(AVERAGE), Lens.of(LONGER, frame_of=AVERAGE)))
     assert keyframe.displaced is not None
     rays = keyframe.displaced.measurements.values[:, :2]
     np.testing.assert_allclose(rays, measured(5).values[:, :2] / 1.02, atol=1e-4)

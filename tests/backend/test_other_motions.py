@@ -13,8 +13,8 @@ from sensor_models import sensor_model, view_of
 from odom.backend import Odometry
 from odom.backend.mapping.standing import RecentViews
 from odom.backend.tracking.corner_flow import DepthlessCorners, FollowedCorners
-from odom.backend.tracking.frame_state import FrameState
 from odom.backend.tracking.other_motions import OtherMotion, WhatElseMoves, other_motions, what_else_moves
+from odom.backend.tracking.posed_frame import PosedFrame
 from odom.evaluation.painter import Painter, anchor_before_camera
 from odom.evaluation.passers_by import passers_by
 from odom.frame import RgbdFrame
@@ -213,7 +213,7 @@ def remembered(apart: int, begins: tuple[int, ...] = (0,)) -> tuple[RecentViews,
     views = [view_of(seen_with_a_body(number)[0]) for number in (30, 30 + apart)]
     recent, none = RecentViews(chain_of_keyframes([HERE, HERE], np.eye(6), begins)), np.zeros(0, dtype=np.int64)
     tracked = cast(Any, SimpleNamespace(twist=AT_REST, T_map_camera=HERE, reference=1))
-    recent.remember(FrameState(views[0], tracked, HERE, AT_REST, 0, none, np.zeros((0, 2))))
+    recent.remember(PosedFrame(views[0], tracked, HERE, AT_REST, 0, none, np.zeros((0, 2))))
     return recent, views[1], tracked
 
 

@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from odom.backend.tracking.motion_model import ANY_VELOCITY, Agility, Motion, Velocity
+from odom.backend.tracking.motion_model import ANY_VELOCITY, Motion, ProcessNoise, Velocity
 from odom.backend.tracking.pose_solver import fit_pose
 from odom.backend.tracking.row_velocity import fit_velocity
 from odom.frontend.camera.rolling_shutter import point_flow
@@ -37,7 +37,7 @@ def seen(seed: int, twist, carried_with, readout_s=READOUT_S, n=250):
 def velocity(points, measured, row_s, carried_with):
     covariances = np.tile(1e-10 * np.eye(3), (len(points), 1, 1))
     start = fit_pose(points, covariances, measured.values, measured.covariance, np.eye(4)).T_camera_map
-    expected = Motion.of(np.eye(4), np.diag([1e-3**2] * 6)).after(PERIOD_S, Agility())
+    expected = Motion.of(np.eye(4), np.diag([1e-3**2] * 6)).after(PERIOD_S, ProcessNoise())
     return fit_velocity(points, covariances, measured, row_s, start, np.asarray(carried_with), expected, 1.0)
 
 
@@ -69,7 +69,7 @@ def test_the_first_pose_of_all_may_be_known_for_certain_and_be_no_time_ago(since
     covariances = np.tile(1e-10 * np.eye(3), (len(points), 1, 1))
     T_camera_map = fit_pose(points, covariances, measured.values, measured.covariance, np.eye(4)).T_camera_map
     known = Motion.of(se3.inverse(T_camera_map), np.zeros((6, 6)), Velocity(twist, ANY_VELOCITY.covariance))
-    expected = known.after(since_s, Agility(steady_s=0.0))
+    expected = known.after(since_s, ProcessNoise(steady_s=0.0))
     found = fit_velocity(points, covariances, measured, row_s, T_camera_map, twist, expected, 1.0)
     assert np.isfinite(found.twist).all()
     assert np.linalg.eigvalsh(found.covariance)[0] > 0.0

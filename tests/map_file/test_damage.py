@@ -13,8 +13,9 @@ from typer.testing import CliRunner
 
 from odom.cli import app
 from odom.errors import ConfigError, MapError, OdomError
-from odom.map_file import arrays, database
+from odom.map_file import arrays, database, records
 from odom.map_file.arrays import checked, pack, unchecked, unpack
+from odom.map_file.counts import Counts
 from odom.map_file.map_file import MapFile
 
 KEYFRAMES = 12
@@ -161,6 +162,12 @@ def test_a_map_of_another_camera_is_refused(whole):
 def test_what_is_not_packed_is_not_unpacked(content):
     with pytest.raises(MapError):
         unpack(content)
+
+
+@pytest.mark.parametrize("read_row", [Counts.of, records.sensor_of])
+def test_a_row_that_holds_another_rows_arrays_is_damaged(read_row):
+    with pytest.raises(MapError, match="it holds no"):
+        read_row(pack({"number": np.arange(1)}))
 
 
 @pytest.mark.parametrize("states_its_size", [True, False])

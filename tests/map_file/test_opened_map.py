@@ -64,7 +64,7 @@ def test_in_a_place_that_is_not_in_the_map_there_is_no_pose_until_there_is(made)
     estimates, odometry = walk(made[0], [*other, *known], localize=True)
     assert {e.state for e in estimates[:45]} == {State.LOST}
     assert estimates[45].state is State.RECOVERED
-    assert len(odometry.map.keyframes) - odometry.map.earlier <= 1
+    assert len(odometry.map.keyframes) - odometry.map.earlier_keyframes <= 1
 
 
 @pytest.mark.long
@@ -73,7 +73,7 @@ def test_a_session_goes_on_where_the_one_before_ended(room_map):
     estimates, odometry = walk(room_map, shown(away_from_it, ROOM, HOUR))
     assert estimates[0].state is State.RECOVERED
     assert {e.segment for e in estimates} == {0}
-    assert len(odometry.map.keyframes) > odometry.map.earlier > 0
+    assert len(odometry.map.keyframes) > odometry.map.earlier_keyframes > 0
     opened = MapFile(room_map, is_written=False)
     saved = opened.begin(SMALL)
     assert len(opened.sessions()) == 2

@@ -91,7 +91,7 @@ def test_a_session_goes_on_in_it(half, tmp_path):
     truth = [T @ se3.exp(np.array([0.0, 0.0, 0.0, 0.0, 0.02 * k, 0.0])) for k, T in enumerate(away_from_it)]
     estimates, odometry = walk(path, shown(truth, ROOM, HOUR))
     assert estimates[0].state is State.RECOVERED
-    assert len(odometry.map.keyframes) > odometry.map.earlier > 0
+    assert len(odometry.map.keyframes) > odometry.map.earlier_keyframes > 0
     assert all(away(stroll(0.0) @ e.T_odom_camera, T)[0] < 0.01 for e, T in zip(estimates, truth, strict=True))
 
 

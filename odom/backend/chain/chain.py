@@ -95,12 +95,12 @@ class Chain:
             self.closures.add(node)
             self.closures.close(node, end.features, reference, map_, sensor)
 
-    def see_through(self, change: LensChange) -> None:
+    def change_lens(self, change: LensChange) -> None:
         """Change to a new lens: recompute by it what the newest frame and the chain's own corners measured."""
         if self._end is not None:
             features = replace(self._end.features, measured=change.measured(self._end.features.measured))
             self._end = replace(self._end, features=features)
-        self._corners = self._corners.see_through(change)
+        self._corners = self._corners.with_lens_changed(change)
 
     @property
     def end_features(self) -> NamedFeatures:

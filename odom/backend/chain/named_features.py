@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from odom.backend.tracking.frame_state import Tracked
+from odom.backend.tracking.tracked_frame import TrackedFrame
 from odom.frontend.features.measurement import Measurements
 from odom.geometry.arrays import Array, Index
 from odom.geometry.numbered import shared
@@ -22,7 +22,7 @@ class NamedFeatures:
     measured: Measurements
 
     @classmethod
-    def of(cls, tracked: Tracked, identities: Index) -> "NamedFeatures":
+    def of(cls, tracked: TrackedFrame, identities: Index) -> "NamedFeatures":
         """Return the landmarks that the map's search found in a frame, by their `identities` (n).
 
         Landmarks that were culled since have the identity 0 and are left out.

@@ -74,7 +74,7 @@ class OwnCorners:
         missed = np.where(places_of(self.names, names) >= 0, 0, self.missed + 1)
         return replace(self, missed=missed)._take(missed < TUNING.corner_misses)
 
-    def see_through(self, change: LensChange) -> "OwnCorners":
+    def with_lens_changed(self, change: LensChange) -> "OwnCorners":
         """Return the corners as they would have been measured through a new lens."""
         T_keyframe_chain = se3.inverses(self.T_chain_keyframe)[self.keyframe]
         position, ratio = change.positions(self.position, self.plane[:, 1:], T_keyframe_chain)

@@ -12,10 +12,10 @@ from odom.backend.map.map import Map
 from odom.backend.map.memory import recall_near
 from odom.backend.map.pose_graph import Edge
 from odom.backend.mapping.keyframe_inserter import KeyframeView
-from odom.backend.tracking.frame_state import Tracked
 from odom.backend.tracking.frame_tracker import FrameTracker
 from odom.backend.tracking.quality import is_known_place
 from odom.backend.tracking.relocalisation import agree, was_there_of_late
+from odom.backend.tracking.tracked_frame import TrackedFrame
 from odom.frontend.camera.noise_monitor import NoiseMonitor
 from odom.frontend.camera.sensor_model import SensorModel
 from odom.frontend.matching.place_recognition import Recognition
@@ -102,7 +102,7 @@ def add_old_landmarks(map_: Map, found: ConfirmedCandidate) -> None:
 
 def track_place(
     map_: Map, tracker: FrameTracker, seen: KeyframeView, candidate: int, T_start: Array, sensor: SensorModel
-) -> Tracked:
+) -> TrackedFrame:
     """Return a key frame's view tracked against key frame `candidate` and those around it.
 
     Those that the key frame is linked with are left out: they saw its landmarks, or it saw theirs, in this very image.

@@ -21,7 +21,7 @@ def close_loops(map_: Map, closures: Sequence[Edge]) -> None:
 
 def joins_fixed_parts(map_: Map, a: int, b: int) -> bool:
     """Return whether merging segments `a` and `b` would move what a map that is fixed had saved."""
-    return map_.is_fixed and a != b and {a, b} <= {k.segment for k in map_.keyframes[: map_.earlier]}
+    return map_.is_fixed and a != b and {a, b} <= {k.segment for k in map_.keyframes[: map_.earlier_keyframes]}
 
 
 def merge_segment(map_: Map, edge: Edge) -> list[int]:

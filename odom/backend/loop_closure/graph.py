@@ -48,7 +48,7 @@ class SegmentGraph:
         members = members_of(map_, segment)
         held = members[:1]
         if map_.is_fixed:
-            held = [n for n in members if n < map_.earlier]
+            held = [n for n in members if n < map_.earlier_keyframes]
         numbers = np.array(members, dtype=np.int64)
         row = np.full(len(map_.keyframes), -1, dtype=np.int64)
         row[numbers] = np.arange(len(numbers))

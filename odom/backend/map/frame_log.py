@@ -73,6 +73,15 @@ class FrameLog:
         self._blocks: deque[NDArray[np.void]] = deque()
         self.last: LoggedFrame | None = None
 
+    @property
+    def is_lost(self) -> bool:
+        """Whether the last frame has no pose, or there is none yet."""
+        return self.last is None or self.last.keyframe is None
+
+    def since_last_s(self, stamp: Stamp) -> float:
+        """Return the seconds from the last frame to `stamp`, infinite where there is none."""
+        return np.inf if self.last is None else (stamp - self.last.stamp) * 1e-9
+
     def __len__(self) -> int:
         return self.count - self.dropped
 

@@ -55,11 +55,11 @@ class FrameObservations:
             rows=measured.rows, identities=identities, measurements=measured.measurements, timing=timing
         )
 
-    def see_through(self, change: LensChange) -> None:
+    def change_lens(self, change: LensChange) -> None:
         """Convert what was measured to a new lens."""
         self.measurements = change.measured(self.measurements)
         if self.displaced is not None:
-            self.displaced.see_through(change)
+            self.displaced.change_lens(change)
 
     def current(self, landmarks: Landmarks) -> Mask:
         """Return which of the measured landmarks are still in the map (n); identity 0: culled before it was noted."""

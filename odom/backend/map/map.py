@@ -33,10 +33,10 @@ class Map:
     pruned (see `pruning`), each in order; `followers` the forgotten ones that move with a remembered one, by its
     number. `places` is the index of what the remembered ones look like.
 
-    In a saved map (see `memory`) those far from the camera are `away`, not in memory; `details` fetches what they
-    measured, unless that is `unreadable`, and `journal` notes what changes. Key frames numbered below `earlier` were
-    made before this `session`: adjustments leave them where they are, and where the map `is_fixed`, closed loops do so
-    too.
+    A saved map (see `memory`) has `details`: they fetch what was measured by key frames that are `away`, too far from
+    the camera to be in memory, unless that is `unreadable`. Either the map is extended, and `journal` notes what
+    changes, or it `is_fixed`. So many `earlier_keyframes`, the first ones, were made before this `session`: adjustments
+    leave them where they are, and in a fixed map closed loops do so too.
     """
 
     landmarks: Landmarks = field(default_factory=Landmarks)
@@ -51,9 +51,13 @@ class Map:
     unreadable: set[int] = field(default_factory=set)
     details: Details | None = None
     journal: Journal = field(default_factory=Journal)
-    earlier: int = 0
+    earlier_keyframes: int = 0
     session: int = 0
-    is_fixed: bool = False
+
+    @property
+    def is_fixed(self) -> bool:
+        """Whether the camera is only looked for in what was saved, and nothing of that changes."""
+        return self.details is not None and not self.journal.is_kept
 
     def add_keyframe(
         self,

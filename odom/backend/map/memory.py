@@ -28,7 +28,7 @@ def open_map(saved: SavedMap) -> Map:
     map_ = Map(details=saved.details)
     map_.places.blocks, map_.places.elsewhere = saved.blocks, saved.details.fetch_place
     map_.landmarks.next_identity = saved.next_identity
-    map_.is_fixed, map_.session = saved.is_fixed, saved.session
+    map_.session = saved.session
     for one in saved.keyframes:
         keyframe = Keyframe.set_aside(one.number, one.stamp, one.segment, one.T_camera_map, one.T_middle_stamp)
         keyframe.first = one.number if saved.is_fixed else one.first
@@ -48,7 +48,7 @@ def open_map(saved: SavedMap) -> Map:
         for keyframe, covariance in zip(map_.keyframes, shape, strict=True):
             keyframe.covariance_since_start = covariance
     map_.away = set(range(len(saved.keyframes)))
-    map_.earlier = len(saved.keyframes)
+    map_.earlier_keyframes = len(saved.keyframes)
     map_.journal = map_.registrations.journal = Journal(is_kept=not saved.is_fixed)
     return map_
 

@@ -14,7 +14,7 @@ from odom.backend.map.frame_log import FrameLog, LoggedFrame
 from odom.backend.map.keyframe import FrameObservations, Keyframe
 from odom.backend.map.landmarks import Landmarks
 from odom.backend.mapping.tuning import TUNING
-from odom.backend.tracking.frame_state import Tracked
+from odom.backend.tracking.tracked_frame import TrackedFrame
 from odom.frontend.camera.rolling_shutter import ShutterTiming
 from odom.frontend.features.lens_change import LensChange
 from odom.geometry import se3
@@ -50,7 +50,7 @@ class IntermediateFrames:
         return number % every == 0
 
     def add(
-        self, number: int, tracked: Tracked, keyframes: list[Keyframe], landmarks: Landmarks, timing: ShutterTiming
+        self, number: int, tracked: TrackedFrame, keyframes: list[Keyframe], landmarks: Landmarks, timing: ShutterTiming
     ) -> None:
         """Keep what the tracked frame `number` measured, once."""
         if self.kept and self.kept[-1].number == number:
@@ -72,10 +72,10 @@ class IntermediateFrames:
             self._every_s *= 2.0
             self.kept = self.kept[::2]
 
-    def see_through(self, change: LensChange) -> None:
+    def change_lens(self, change: LensChange) -> None:
         """Convert what was measured to a new lens."""
         for frame in self.kept:
-            frame.see_through(change)
+            frame.change_lens(change)
 
     def move(self, adjusted: Mapping[int, Array], keyframes: list[Keyframe]) -> None:
         """Set the poses of frames to T_camera_map as `adjusted`, by their numbers, relative to the `keyframes`."""

@@ -13,8 +13,9 @@ from odom.backend.mapping.presence import retire
 from odom.backend.mapping.standing import RecentViews, standing_since
 from odom.backend.mapping.tuning import TUNING
 from odom.backend.settings import OdometrySettings
-from odom.backend.tracking.frame_state import FrameState, Tracked
 from odom.backend.tracking.motion_model import AT_REST
+from odom.backend.tracking.posed_frame import PosedFrame
+from odom.backend.tracking.tracked_frame import TrackedFrame
 from odom.frontend.camera.sensor_model import SensorModel
 from odom.frontend.features.lens_change import LensChange
 from odom.frontend.features.measurement import measure_exactly
@@ -100,7 +101,7 @@ class KeyframeInserter:
     def insert(
         self,
         view: View,
-        tracked: Tracked,
+        tracked: TrackedFrame,
         twist: Array,
         covariance: Array,
         sensor: SensorModel,
@@ -137,31 +138,31 @@ class KeyframeInserter:
                 self._queue_for_description(KeyframeView(keyframe.number, view, search.twist, keyframe.uv))
         return found
 
-    def ensure_keyframe(self, state: FrameState, sensor: SensorModel, in_doubt: bool) -> FrameState:
-        """Make the newest frame, that of `state`, a key frame after all unless it is one; return its state then.
+    def ensure_keyframe(self, last: PosedFrame, sensor: SensorModel, in_doubt: bool) -> PosedFrame:
+        """Make the newest frame, `last`, a key frame after all unless it is one; return it as it is then.
 
         Not where its pose is `in_doubt` and it shows too little that has been known for a while.
         """
         self.insert_found_corners(None, sensor)
-        tracked, keyframe = state.tracked, self._map.keyframes[state.reference]
-        if tracked is None or (in_doubt and not self._is_long_known(state.view, tracked)):
-            return state
-        if keyframe.frame != state.view.number:
+        tracked, keyframe = last.tracked, self._map.keyframes[last.reference]
+        if tracked is None or (in_doubt and not self._is_long_known(last.view, tracked)):
+            return last
+        if keyframe.frame != last.view.number:
             inliers = tracked.inliers & self._map.landmarks.alive[tracked.rows]
-            tracked = replace(tracked, inliers=inliers, reference=state.reference)
+            tracked = replace(tracked, inliers=inliers, reference=last.reference)
             covariance = tracked.covariance * sensor.noise.covariance_scale
-            keyframe = self.insert(state.view, tracked, state.twist, covariance, sensor, 0, in_doubt)
-            keyframe.T_middle_stamp = _T_middle_stamp(state.view, state.twist, sensor)
+            keyframe = self.insert(last.view, tracked, last.twist, covariance, sensor, 0, in_doubt)
+            keyframe.T_middle_stamp = _T_middle_stamp(last.view, last.twist, sensor)
             self.insert_found_corners(None, sensor)
-        return replace(state, tracked=tracked, reference=keyframe.number, rows=keyframe.rows, uv=keyframe.uv)
+        return replace(last, tracked=tracked, reference=keyframe.number, rows=keyframe.rows, uv=keyframe.uv)
 
-    def drop(self, tracked: Tracked, since: int, sensor: SensorModel) -> None:
+    def drop(self, tracked: TrackedFrame, since: int, sensor: SensorModel) -> None:
         """Retire landmarks on the body that a frame was tracked by, and forget the recent frames: they show it."""
         self._new_corners.take(None, sensor)
         retire(self._map, tracked, since)
         self.recent.forget()
 
-    def is_due(self, view: View, tracked: Tracked, in_doubt: bool) -> bool:
+    def is_due(self, view: View, tracked: TrackedFrame, in_doubt: bool) -> bool:
         """Return whether too little is left in a view of what the last key frame saw, and the camera has moved.
 
         A segment's only key frame is followed by another after a while in any case: nothing is adjusted until then.
@@ -178,7 +179,7 @@ class KeyframeInserter:
         T_camera_keyframe = tracked.T_camera_map @ se3.inverse(near.T_camera_map)
         return is_due and _has_moved(T_camera_keyframe)
 
-    def _is_long_known(self, view: View, tracked: Tracked) -> bool:
+    def _is_long_known(self, view: View, tracked: TrackedFrame) -> bool:
         """Return whether enough landmarks agree that were made a while ago, or the segment is too young to have any.
 
         A body that comes to be followed is all new: its first landmarks would agree with the next ones on it.
@@ -214,9 +215,9 @@ class KeyframeInserter:
             self._new_corners.remeasure(mean, sensor)
         self._newest = None
 
-    def see_through(self, change: LensChange) -> None:
+    def change_lens(self, change: LensChange) -> None:
         """Use a new lens to measure corners that are still looked for."""
-        self._new_corners.see_through(change)
+        self._new_corners.change_lens(change)
 
     def remeasure_first(self, number: int, view: View, twist: Array, sensor: SensorModel) -> None:
         """Measure the key frame that began a segment again: `twist` (6, SI) led from it to the second frame.

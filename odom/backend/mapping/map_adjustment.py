@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from odom.backend.map.keyframe import FrameObservations, Keyframe
-from odom.backend.map.lens_of_map import positions_through
+from odom.backend.map.lens_conversion import positions_through
 from odom.backend.map.map import Map
 from odom.backend.mapping.bundle_adjustment import Bundle, adjust
 from odom.backend.mapping.intermediate_frames import IntermediateFrame, IntermediateFrames
@@ -116,7 +116,7 @@ def newest(map_: Map, window: int, sensor: SensorModel, credit: float) -> Adjust
 
     `credit` is the share of the observations' information that counts for timing and tilt, here and below.
     """
-    free = [map_.keyframes[n] for n in map_.remembered[-window:] if n >= map_.earlier]
+    free = [map_.keyframes[n] for n in map_.remembered[-window:] if n >= map_.earlier_keyframes]
     segment = free[-1].segment
     free = [k for k in free if k.segment == segment]
     measured = np.concatenate([k.identities for k in free])
@@ -150,7 +150,9 @@ def everything(
     iterations = TUNING.finish_iterations
     whole = _snapshot(map_, keyframes[:1], keyframes[1:], between, sensor, credit, iterations, change)
     is_held = np.zeros(len(whole.is_fixed), dtype=np.bool_)
-    is_held[: len(keyframes)] = [k.number < map_.earlier or bool(map_.links[k.number] & map_.away) for k in keyframes]
+    is_held[: len(keyframes)] = [
+        k.number < map_.earlier_keyframes or bool(map_.links[k.number] & map_.away) for k in keyframes
+    ]
     whole = replace(whole, is_fixed=whole.is_fixed | is_held, is_carried=whole.is_carried & ~is_held)
     return _with_parts_held(whole)
 

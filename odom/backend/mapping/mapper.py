@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from odom.backend.map.frame_log import FrameLog
-from odom.backend.map.lens_of_map import see_through
+from odom.backend.map.lens_conversion import change_lens
 from odom.backend.map.map import Map
 from odom.backend.map.memory import expect_around, farthest_beyond, recall_near, set_aside
 from odom.backend.map.pruning import forget, oldest_beyond
@@ -20,7 +20,8 @@ from odom.backend.mapping.row_motion import carry_misjudged
 from odom.backend.mapping.shutter_kind import ShutterKind
 from odom.backend.mapping.tuning import TUNING
 from odom.backend.settings import OdometrySettings
-from odom.backend.tracking.frame_state import FrameState, Tracked
+from odom.backend.tracking.posed_frame import PosedFrame
+from odom.backend.tracking.tracked_frame import TrackedFrame
 from odom.frontend.camera.lens import Lens
 from odom.frontend.camera.sensor_model import SensorModel
 from odom.frontend.camera.stamp_clock import later
@@ -60,7 +61,7 @@ class Mapper:
         self.inserter = KeyframeInserter(map_, settings)
         self.intermediate = IntermediateFrames()
         self._background = Background[_Done]("mapping")
-        self._settled = map_.earlier
+        self._settled = map_.earlier_keyframes
         self.lens_to_come: Lens | None = None
         self._farthest: list[int] = []
         """Key frames that are set aside next, farthest first; as many as are chosen at once."""
@@ -70,50 +71,50 @@ class Mapper:
         """Whether nothing is adjusted in the background, so that the map may move."""
         return not self._background.is_busy
 
-    def prune(self, state: FrameState | None) -> bool:
+    def prune(self, last: PosedFrame | None) -> bool:
         """Forget the oldest key frames beyond `map_keyframes`; return whether there were any.
 
         Those around the camera and the newest ones, which are still worked on, are kept. Nothing is forgotten while
         the background works, since it reads the rest too. What is saved is set aside instead, the farthest first: it
-        can be fetched again. `state` is None before the camera has a pose.
+        can be fetched again. `last` is None before the camera has a pose.
         """
         map_, most = self._map, self._settings.map_keyframes
         if self._background.is_busy or len(map_.remembered) <= most:
             return False
-        if state is None:
+        if last is None:
             for number in map_.remembered[:-most]:
                 set_aside(map_, number)
             return False
-        around = map_.neighbours(state.reference, state.T_camera_map, self._settings.local_keyframes)
+        around = map_.neighbours(last.reference, last.T_camera_map, self._settings.local_keyframes)
         newest = max(self._settings.window_keyframes, self._settings.background_delay_frames)
-        needed = np.concatenate([around, [state.reference], map_.remembered[-newest:]])
+        needed = np.concatenate([around, [last.reference], map_.remembered[-newest:]])
         surplus = len(map_.remembered) - most
         if map_.journal.is_kept:
-            self._set_aside(surplus, needed, state)
+            self._set_aside(surplus, needed, last)
             return False
         if map_.details is not None:
-            unsaved = np.array([n for n in map_.remembered if n >= map_.earlier], dtype=np.int64)
-            self._set_aside(surplus, np.union1d(needed, unsaved), state)
+            unsaved = np.array([n for n in map_.remembered if n >= map_.earlier_keyframes], dtype=np.int64)
+            self._set_aside(surplus, np.union1d(needed, unsaved), last)
         oldest = oldest_beyond(map_, most, needed)
         for number in oldest:
             forget(map_, number)
         return bool(oldest)
 
-    def _set_aside(self, surplus: int, needed: Index, state: FrameState) -> None:
+    def _set_aside(self, surplus: int, needed: Index, last: PosedFrame) -> None:
         """Set aside `surplus` key frames, the farthest ones when that was last looked at, without those `needed`."""
         map_, most = self._map, self._settings.map_keyframes
         free = set(map_.remembered).difference(needed.tolist())
         waiting = [n for n in self._farthest if n in free]
         if len(waiting) < surplus:
-            waiting = farthest_beyond(map_, most - TUNING.set_aside_ahead, needed, state.T_camera_map)
+            waiting = farthest_beyond(map_, most - TUNING.set_aside_ahead, needed, last.T_camera_map)
         for number in waiting[:surplus]:
             set_aside(map_, number)
         self._farthest = waiting[surplus:]
 
-    def recall(self, state: FrameState) -> None:
+    def recall(self, last: PosedFrame) -> None:
         """Bring back a few key frames of a saved map that the camera comes near to, if there is room."""
         if len(self._map.remembered) <= self._settings.map_keyframes:
-            recall_near(self._map, state.reference, state.T_camera_map, TUNING.recalled_at_once)
+            recall_near(self._map, last.reference, last.T_camera_map, TUNING.recalled_at_once)
 
     def start_background(self, count: int, sensor: SensorModel, may_change: bool = False) -> None:
         """Begin to adjust the newest key frames and to describe their places, if idle; frame `count` is the newest.
@@ -172,9 +173,9 @@ class Mapper:
         newest = self._map.keyframes[int(adjustment.numbers[-1])]
         T_newest_map = newest.T_camera_map
         if change is not None:
-            see_through(self._map, change)
-            self.inserter.see_through(change)
-            self.intermediate.see_through(change)
+            change_lens(self._map, change)
+            self.inserter.change_lens(change)
+            self.intermediate.change_lens(change)
             sensor = sensor.with_lens(change.after)
         sensor = self._take_over(adjustment, bundle, sensor, self._credit(sensor))
         if taken.shutter.beforehand is not self._shutter.beforehand:
@@ -189,12 +190,7 @@ class Mapper:
         self._note_measured([one.seen.keyframe for one in taken.described])
         return sensor, taken.described
 
-    def keep_if_due(self, number: int, tracked: Tracked, sensor: SensorModel) -> None:
-        """Keep what the tracked frame `number` measured, if it is one of the few a second that are kept."""
-        if self.intermediate.wants(number, sensor.clock.period_s):
-            self.keep(number, tracked, sensor)
-
-    def keep(self, number: int, tracked: Tracked, sensor: SensorModel) -> None:
+    def keep(self, number: int, tracked: TrackedFrame, sensor: SensorModel) -> None:
         """Keep what the tracked frame `number` measured, for `finish`."""
         self.intermediate.add(number, tracked, self._map.keyframes, self._map.landmarks, sensor.timing)
 
@@ -208,7 +204,7 @@ class Mapper:
         adjusted: dict[int, Array] = {}
         self._carry_misjudged(sensor, log)
         known, sensor = sensor, sensor.as_known_before(self._shutter.beforehand)
-        mine = [n for n in self._map.remembered if n >= self._map.earlier]
+        mine = [n for n in self._map.remembered if n >= self._map.earlier_keyframes]
         for segment in sorted({self._map.keyframes[n].segment for n in mine}):
             if len(self._map.members(segment)) >= 2:
                 credit = 1.0 / sensor.noise.covariance_scale
@@ -221,7 +217,7 @@ class Mapper:
 
     def _carry_misjudged(self, sensor: SensorModel, log: FrameLog) -> None:
         """Carry anew what frames measured by a readout that was far off (see `row_motion`)."""
-        keyframes = [self._map.keyframes[n] for n in self._map.remembered if n >= self._map.earlier]
+        keyframes = [self._map.keyframes[n] for n in self._map.remembered if n >= self._map.earlier_keyframes]
         between = [one for one in self.intermediate.kept if one.number >= log.dropped]
         numbers = [k.frame for k in keyframes] + [one.number for one in between]
         poses = np.array([k.T_camera_map for k in keyframes] + [one.pose(self._map.keyframes) for one in between])

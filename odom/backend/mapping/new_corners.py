@@ -86,7 +86,7 @@ class NewCorners:
         if self._search is not None:
             self._search = replace(self._search, twist=twist, sensor=sensor)
 
-    def see_through(self, change: LensChange) -> None:
+    def change_lens(self, change: LensChange) -> None:
         """Use a new lens to measure corners that are still looked for."""
         if self._search is not None:
             self._search = replace(self._search, sensor=self._search.sensor.with_lens(change.after))

@@ -5,12 +5,12 @@ import numpy as np
 from odom.backend.map.landmarks import Landmarks
 from odom.backend.map.map import Map
 from odom.backend.mapping.tuning import TUNING
-from odom.backend.tracking.frame_state import Tracked
+from odom.backend.tracking.tracked_frame import TrackedFrame
 from odom.geometry.arrays import Array, Index
 from odom.geometry.neighbours import nearest
 
 
-def note_sightings(map_: Map, tracked: Tracked, since_previous_s: float, in_doubt: bool) -> None:
+def note_sightings(map_: Map, tracked: TrackedFrame, since_previous_s: float, in_doubt: bool) -> None:
     """Count what a tracked frame found and what it missed, and remove landmarks that have been gone for long enough.
 
     While the pose is `in_doubt`, one that has departed and is found where it was has perhaps taken the camera along.
@@ -37,7 +37,7 @@ def note_sightings(map_: Map, tracked: Tracked, since_previous_s: float, in_doub
         landmarks.gone_s[near] = np.maximum(landmarks.gone_s[near], TUNING.gone_step_s)
 
 
-def retire(map_: Map, tracked: Tracked, since: int) -> None:
+def retire(map_: Map, tracked: TrackedFrame, since: int) -> None:
     """Take back what was learnt from a body that a frame was tracked by: those landmarks have departed.
 
     Landmarks of its segment that were made from the identity `since` on are removed.

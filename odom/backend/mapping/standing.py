@@ -8,8 +8,9 @@ import numpy as np
 from odom.backend.map.corners import Corners
 from odom.backend.map.map import Map
 from odom.backend.mapping.tuning import TUNING
-from odom.backend.tracking.frame_state import FrameState, Tracked
 from odom.backend.tracking.other_motions import WhatElseMoves, what_else_moves
+from odom.backend.tracking.posed_frame import PosedFrame
+from odom.backend.tracking.tracked_frame import TrackedFrame
 from odom.frontend.camera.sensor_model import SensorModel
 from odom.frontend.camera.stamp_clock import SteadyStamp
 from odom.frontend.features.image_parts import parts_of
@@ -41,28 +42,28 @@ class RecentViews:
     def __init__(self, map_: Map) -> None:
         self._map = map_
         self._views: deque[_RecentView] = deque(maxlen=_MOST_VIEWS)
-        self._looked: tuple[Tracked, MovingCells | None] | None = None
+        self._looked: tuple[TrackedFrame, MovingCells | None] | None = None
 
-    def remember(self, state: FrameState) -> None:
+    def remember(self, frame: PosedFrame) -> None:
         """Keep a frame with a pose, unless there is one of nearly the same time; those of a later time are dropped."""
-        since_s = state.view.since_s(self._views[-1].view) if self._views else np.inf
+        since_s = frame.view.since_s(self._views[-1].view) if self._views else np.inf
         if since_s < 0.0:
             self.forget()
         if not 0.0 <= since_s < TUNING.recent_apart_s:
-            T_reference_camera = state.T_reference_camera(self._map)
-            twist = state.twist if state.tracked is None else state.tracked.twist
-            self._views.append(_RecentView(state.view, state.reference, T_reference_camera, twist))
+            T_reference_camera = frame.T_reference_camera(self._map)
+            twist = frame.twist if frame.tracked is None else frame.tracked.twist
+            self._views.append(_RecentView(frame.view, frame.reference, T_reference_camera, twist))
 
     def forget(self) -> None:
         """Forget all: the next frame is of another segment."""
         self._views.clear()
 
-    def compared_with(self, view: View, tracked: Tracked) -> "ComparedView":
+    def compared_with(self, view: View, tracked: TrackedFrame) -> "ComparedView":
         """Return a tracked view with those to compare it with, independent of later changes of the map."""
         looked = self._looked[1:] if self._looked is not None and self._looked[0] is tracked else ()
         return ComparedView(view, tracked, self._earlier_views(view, tracked), looked)
 
-    def moving(self, view: View, tracked: Tracked, sensor: SensorModel) -> MovingCells | None:
+    def moving(self, view: View, tracked: TrackedFrame, sensor: SensorModel) -> MovingCells | None:
         """Return which part of a tracked view moves; None if no view is recent enough to tell.
 
         It is noted for `compared_with`, so that it is judged once.
@@ -72,7 +73,7 @@ class RecentViews:
         return moving
 
     def what_else_moves(
-        self, view: View, tracked: Tracked, sensor: SensorModel, is_warned: bool
+        self, view: View, tracked: TrackedFrame, sensor: SensorModel, is_warned: bool
     ) -> WhatElseMoves | None:
         """Return which other motions a tracked view shows (see `other_motions`); None where no view can tell.
 
@@ -84,18 +85,18 @@ class RecentViews:
                 return what_else_moves(self._seen_from(recent, tracked), view, tracked.twist, sensor, is_warned)
         return None
 
-    def _earlier_views(self, view: View, tracked: Tracked) -> list[EarlierView]:
+    def _earlier_views(self, view: View, tracked: TrackedFrame) -> list[EarlierView]:
         """Return the views to look in, of the last while."""
         stamp, views = view.steady_stamp, self._joined_views(tracked)
         return [self._seen_from(one, tracked) for one in views if 0.0 < _since_s(one, stamp) <= TUNING.recent_s]
 
-    def _joined_views(self, tracked: Tracked) -> list[_RecentView]:
+    def _joined_views(self, tracked: TrackedFrame) -> list[_RecentView]:
         """Return the views of a tracked one's segment: between others, the camera's motion is not known."""
         keyframes = self._map.keyframes
         segment = keyframes[tracked.reference].segment
         return [one for one in self._views if keyframes[one.reference].segment == segment]
 
-    def _seen_from(self, recent: _RecentView, tracked: Tracked) -> EarlierView:
+    def _seen_from(self, recent: _RecentView, tracked: TrackedFrame) -> EarlierView:
         keyframe = self._map.keyframes[recent.reference]
         T_recent_map = se3.inverse(recent.T_reference_camera) @ keyframe.T_camera_map
         return EarlierView(recent.view, T_recent_map @ tracked.T_map_camera, recent.twist)
@@ -110,7 +111,7 @@ class ComparedView:
     """
 
     view: View
-    tracked: Tracked
+    tracked: TrackedFrame
     earlier: list[EarlierView]
     looked: tuple[MovingCells | None, ...]
 

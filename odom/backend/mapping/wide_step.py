@@ -5,9 +5,10 @@ with what is known to stand, or descriptors would lead the camera from one body 
 """
 
 from odom.backend.mapping.keyframe_inserter import KeyframeInserter
-from odom.backend.tracking.frame_state import FrameState, Tracked
 from odom.backend.tracking.frame_tracker import FrameTracker
+from odom.backend.tracking.posed_frame import PosedFrame
 from odom.backend.tracking.relocalisation import registered_step, track_wide_step
+from odom.backend.tracking.tracked_frame import TrackedFrame
 from odom.frontend.camera.sensor_model import SensorModel
 from odom.frontend.features.place_descriptor import Place
 from odom.frontend.features.view import View
@@ -16,18 +17,18 @@ from odom.frontend.features.view import View
 def follow_wide_step(
     tracker: FrameTracker,
     inserter: KeyframeInserter,
-    state: FrameState | None,
+    last: PosedFrame | None,
     view: View,
     place: Place,
     sensor: SensorModel,
     in_doubt: bool,
-) -> tuple[FrameState | None, Tracked | None]:
-    """Return the newest frame's `state` afterwards, and the frame that shows `place` tracked from there, or None."""
-    registration = None if state is None else registered_step(state, view, place, sensor)
-    if state is None or registration is None:
-        return state, None
-    state = inserter.ensure_keyframe(state, sensor, in_doubt)
-    tracked = track_wide_step(tracker, state, view, registration, sensor)
+) -> tuple[PosedFrame | None, TrackedFrame | None]:
+    """Return the `last` frame afterwards, and the frame that shows `place` tracked from there, or None."""
+    registration = None if last is None else registered_step(last, view, place, sensor)
+    if last is None or registration is None:
+        return last, None
+    last = inserter.ensure_keyframe(last, sensor, in_doubt)
+    tracked = track_wide_step(tracker, last, view, registration, sensor)
     if tracked is not None:
         inserter.want_keyframe()
-    return state, tracked
+    return last, tracked

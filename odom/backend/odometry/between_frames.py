@@ -4,7 +4,7 @@ from dataclasses import replace
 
 from odom.backend.estimate import LoopCandidate
 from odom.backend.odometry.frame_stages import FrameStages
-from odom.backend.odometry.lens_of_run import go_on_through_lens
+from odom.backend.odometry.new_lens import go_on_with_new_lens
 from odom.geometry import se3
 
 
@@ -13,29 +13,29 @@ def apply_background(stages: FrameStages, count: int | None) -> tuple[list[LoopC
 
     The newest frame's pose moves with the map; a loop closure leaves its pose in odom as it was.
     """
-    state, before = stages.last, stages.sensor
-    if state is None:
+    last, before = stages.last, stages.sensor
+    if last is None:
         return [], False
-    T_reference_camera = state.T_reference_camera(stages.map)
+    T_reference_camera = last.T_reference_camera(stages.map)
     taken = stages.mapper.apply_background(count, before)
     stages.sensor, described = taken or (before, [])
     if stages.sensor.lens is not before.lens:
-        state = go_on_through_lens(stages, before, state, T_reference_camera)
-        T_reference_camera = state.T_reference_camera(stages.map)
-    T_reference_adjusted = stages.map.keyframes[state.reference].T_camera_map
+        last = go_on_with_new_lens(stages, before, last, T_reference_camera)
+        T_reference_camera = last.T_reference_camera(stages.map)
+    T_reference_adjusted = stages.map.keyframes[last.reference].T_camera_map
     loops = stages.closer.judge(described, stages.sensor)
     if stages.mapper.is_idle:  # what is being adjusted must not move meanwhile
         loops += stages.closer.close(count, stages.sensor)
     if is_closed := any(loop.accepted for loop in loops):
-        T_reference_map = stages.map.keyframes[state.reference].T_camera_map
+        T_reference_map = stages.map.keyframes[last.reference].T_camera_map
         stages.published.correct(se3.inverse(T_reference_map) @ T_reference_adjusted)
     if map_moved := is_closed or taken is not None:
-        stages.last = state.moved_with(stages.map, T_reference_camera)
+        stages.last = last.moved_with(stages.map, T_reference_camera)
     return loops, map_moved
 
 
-def extend_map(stages: FrameStages, count: int | None) -> None:
-    """Add the newest key frame's corners if they are due after frame number `count` (None: the last one).
+def insert_found_corners(stages: FrameStages, count: int | None) -> None:
+    """Make landmarks of the newest key frame's corners if they are due after frame `count` (None: the last one).
 
     Near key frames of a saved map are brought back into memory.
     """

@@ -17,9 +17,10 @@ from odom.backend.odometry.surface_following import SurfaceFollowing, distribute
 from odom.backend.odometry.tuning import TUNING
 from odom.backend.settings import OdometrySettings
 from odom.backend.tracking.confirmation import Confirmation
-from odom.backend.tracking.frame_state import FrameState, Tracked
 from odom.backend.tracking.frame_tracker import FrameTracker
+from odom.backend.tracking.posed_frame import PosedFrame
 from odom.backend.tracking.relocalisation import relocalise
+from odom.backend.tracking.tracked_frame import TrackedFrame
 from odom.backend.tracking.tuning import TUNING as TRACKING
 from odom.frontend.camera.sensor_model import SensorModel
 from odom.frontend.features.place_descriptor import Place
@@ -39,27 +40,28 @@ class LostCamera:
         self._views = LostViews()
         self._confirmation = Confirmation(map_)
         self._following: SurfaceFollowing | None = None
+        self._searched_s = 0.0
 
     def find(
-        self, state: FrameState | None, view: View, place: Place, sensor: SensorModel, in_doubt: bool
-    ) -> tuple[FrameState | None, Tracked | None, bool]:
-        """Track a view by the `place` it shows: near the newest frame, that of `state`, or else at any known place.
+        self, last: PosedFrame | None, view: View, place: Place, sensor: SensorModel, in_doubt: bool
+    ) -> tuple[PosedFrame | None, TrackedFrame | None, bool]:
+        """Track a view by the `place` it shows: near the newest frame, `last`, or else at any known place.
 
-        Returns that frame's state afterwards; the tracked view, None where the camera is not found; and whether it was
-        found near that frame.
+        Returns the newest frame afterwards; the tracked view, None where the camera is not found; and whether it was
+        found near it.
         """
-        placed = state
-        state, tracked = follow_wide_step(self._tracker, self._inserter, state, view, place, sensor, in_doubt)
+        placed = last
+        last, tracked = follow_wide_step(self._tracker, self._inserter, last, view, place, sensor, in_doubt)
         is_near = tracked is not None
         if tracked is None:
-            tracked = relocalise(self._map, self._tracker, state, view, place, sensor)
-            tracked = self._confirmation.of(tracked, view.steady_stamp, sensor.clock.period_s)
+            tracked = relocalise(self._map, self._tracker, last, view, place, sensor)
+            tracked = self._confirmation.confirmed(tracked, view.steady_stamp, sensor.clock.period_s)
         following = self._leading_to(view, sensor)
         if tracked is not None and following is not None and placed is not None:
             distribute_drift(self._log, self._map, following, placed, view, tracked)
-        return state, tracked, is_near
+        return last, tracked, is_near
 
-    def follow_surfaces(self, view: View, placed: FrameState | None, sensor: SensorModel) -> SurfaceFollowing | None:
+    def follow_surfaces(self, view: View, placed: PosedFrame | None, sensor: SensorModel) -> SurfaceFollowing | None:
         """Return where surfaces have led the camera by `view`; None where they don't.
 
         They lead on from the last frame where they led to that, or else from the one that landmarks `placed`, if it is
@@ -90,17 +92,30 @@ class LostCamera:
             return False
         return bool(np.count_nonzero(corners.has_depth) >= TRACKING.sure_inliers)
 
-    def first_corners(
-        self, state: FrameState | None, view: View, sensor: SensorModel, in_doubt: bool, searching_s: float
-    ) -> Corners | None:
+    def first_corners(self, last: PosedFrame | None, view: View, sensor: SensorModel, in_doubt: bool) -> Corners | None:
         """Return the corners by which a segment may begin at a view in which the camera was not found; None: not yet.
 
-        Known places have been looked for during `searching_s` seconds. As long as none can be recognised, since there
-        is no frame or one key frame from which none was tracked, that is enough at once.
+        Known places are looked for during some time first, except where none can be recognised, since there is no
+        frame, or one key frame from which none was tracked.
         """
+        self._searched_s = searched_s(self._searched_s, self._log.since_last_s(view.stamp))
         self._views = self._views.after(view, sensor, in_doubt)
-        is_unproven = len(self._map.keyframes) - self._map.earlier == 1 and state is not None and state.tracked is None
-        is_time = searching_s > self._views.patience * self._settings.new_segment_s
-        if self._map.is_fixed or not (state is None or is_unproven or is_time):
+        is_unproven = (
+            len(self._map.keyframes) - self._map.earlier_keyframes == 1 and last is not None and last.tracked is None
+        )
+        is_time = self._searched_s > self._views.patience * self._settings.new_segment_s
+        if self._map.is_fixed or not (last is None or is_unproven or is_time):
             return None
         return self._inserter.first_corners(view, sensor, self._views.scene)
+
+    def end_search(self) -> None:
+        """Note that the camera has a pose again: the next search begins anew."""
+        self._searched_s = 0.0
+
+
+def searched_s(before_s: float, since_last_s: float) -> float:
+    """Return for how long known places have been looked for, `since_last_s` after a frame by which it was `before_s`.
+
+    A long pause counts as `new_time_s` of search at most, and a step back in time not at all.
+    """
+    return before_s + min(max(since_last_s, 0.0), TUNING.new_time_s)

@@ -6,7 +6,7 @@ from odom.backend.doubt import Doubt
 from odom.backend.map.frame_log import LoggedFrame
 from odom.backend.map.map import Map
 from odom.backend.map.pose_covariance import covariance_since_start, relative_covariance
-from odom.backend.odometry.odom_frame import Origin
+from odom.backend.odometry.odom_in_map import Origin
 from odom.backend.publication import Publication
 from odom.frontend.camera.sensor_model import SensorModel
 from odom.geometry import se3

@@ -2,7 +2,7 @@
 
 The words for it, from the weakest to the strongest. A pose is
 
-- contested (`Tracked`) where some of the landmarks found vote for another one;
+- contested (`TrackedFrame`) where some of the landmarks found vote for another one;
 - warned of there, after a doubt, and where landmarks from before do not speak for it: more corners are then looked at;
 - suspicious where much moves, or something else moves as one: other motions in the view may be rivals of the camera's;
 - denied (`Witnesses`) where landmarks from before contradict it;
@@ -18,7 +18,7 @@ from odom.backend.odometry.crowd import Crowd
 from odom.backend.odometry.rival_motions import RivalMotions
 from odom.backend.odometry.tuning import TUNING
 from odom.backend.odometry.witnesses import Agreement, Witnesses
-from odom.backend.tracking.frame_state import Tracked
+from odom.backend.tracking.tracked_frame import TrackedFrame
 from odom.frontend.camera.sensor_model import SensorModel
 from odom.frontend.camera.stamp_clock import SteadyStamp, is_within
 from odom.frontend.features.view import View
@@ -51,7 +51,7 @@ class MovingView:
     missed_stamp: SteadyStamp | None = None
 
     def after(
-        self, view: View, tracked: Tracked, recent: RecentViews, landmarks: Landmarks, sensor: SensorModel
+        self, view: View, tracked: TrackedFrame, recent: RecentViews, landmarks: Landmarks, sensor: SensorModel
     ) -> "MovingView":
         """Return what is known after a tracked `view`, compared with `recent` ones; unchanged unless a look is due."""
         stamp = view.steady_stamp
@@ -78,7 +78,7 @@ class MovingView:
         return replace(seen, doubted_stamp=stamp) if seen.is_doubtful else seen
 
     def _with_cells(
-        self, stamp: SteadyStamp, cells: MovingCells | None, tracked: Tracked, landmarks: Landmarks
+        self, stamp: SteadyStamp, cells: MovingCells | None, tracked: TrackedFrame, landmarks: Landmarks
     ) -> "MovingView":
         """Return what is known after a look at `stamp` that showed `cells` move."""
         if cells is None:
@@ -92,7 +92,7 @@ class MovingView:
             return seen
         return replace(seen, witnesses=replace(witnesses, proven_identity=landmarks.next_identity))
 
-    def _is_warned(self, stamp: SteadyStamp, tracked: Tracked, proven: Agreement) -> bool:
+    def _is_warned(self, stamp: SteadyStamp, tracked: TrackedFrame, proven: Agreement) -> bool:
         """Return whether a doubt, now or lately, or what `proven` landmarks say warns of the pose at `stamp`."""
         is_after_doubt = is_within(TUNING.moved_parts_s, self.doubted_stamp, stamp)
         is_doubted = self.is_suspicious or is_after_doubt or tracked.is_contested
@@ -111,7 +111,7 @@ class MovingView:
         return MovingView(None, None, crowd, witnesses, rivals, self.doubted_stamp)
 
     def after_keyframe(
-        self, stamp: SteadyStamp, moved_share: float, tracked: Tracked, landmarks: Landmarks
+        self, stamp: SteadyStamp, moved_share: float, tracked: TrackedFrame, landmarks: Landmarks
     ) -> "MovingView":
         """Return what is known after a key frame, of whose view a `moved_share` was seen to move by its corners."""
         trusted = Agreement.of(tracked, landmarks, self.witnesses.trusted_identity)

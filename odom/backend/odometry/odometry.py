@@ -13,11 +13,12 @@ from odom.backend.map.memory import take_changes
 from odom.backend.map.saved import MapChanges, SavedMap
 from odom.backend.map.shown import ShownPath, cloud_of
 from odom.backend.mapping.intermediate_frames import IntermediateFrames, corrected
-from odom.backend.odometry.between_frames import apply_background, extend_map
+from odom.backend.odometry.between_frames import apply_background, insert_found_corners
 from odom.backend.odometry.camera_pixels import in_camera_pixels
 from odom.backend.odometry.final_trajectory import trajectory
 from odom.backend.odometry.frame_order import FrameOrder
 from odom.backend.odometry.frame_stages import FrameStages
+from odom.backend.odometry.growth import extend_chain_and_map
 from odom.backend.odometry.next_frame import is_next
 from odom.backend.odometry.prepared import Prepared
 from odom.backend.odometry.recalibration import Calibrator, Recalibration
@@ -25,7 +26,8 @@ from odom.backend.odometry.segmentation import Segmentation, Segmenter
 from odom.backend.odometry.unproven_sensor import unproven_sensor
 from odom.backend.settings import OdometrySettings
 from odom.backend.stopwatch import Stopwatch
-from odom.backend.tracking.frame_state import Tracked
+from odom.backend.tracking.prediction import predict_pose
+from odom.backend.tracking.tracked_frame import TrackedFrame
 from odom.errors import ConfigError
 from odom.frame import Camera, RgbdFrame, Stamp
 from odom.frontend.camera.rolling_shutter import ShutterTiming
@@ -122,17 +124,17 @@ class Odometry:
 
         The estimate is the same without this, only later: a Kinect's depth comes milliseconds behind its colour.
         """
-        stages, state = self._stages, self._stages.last
-        if state is None or stages.published.is_lost or color.shape[:2] != (self.camera.height, self.camera.width):
+        stages, last = self._stages, self._stages.last
+        if last is None or stages.published.log.is_lost or color.shape[:2] != (self.camera.height, self.camera.width):
             return
         watch, sensor = Stopwatch(), stages.sensor.with_stamp(stamp)
-        if not is_next(state.since_s(sensor.clock.steady), sensor.clock.period_s):
+        if not is_next(last.since_s(sensor.clock.steady), sensor.clock.period_s):
             return
         images = FrameImages.of(color)
         watch.lap("images")
-        T_predicted = stages.tracker.predict(state, images, sensor.clock.steady, sensor)
+        T_predicted = predict_pose(stages.map, last, images, sensor.clock.steady, sensor)
         watch.lap("predict")
-        self._prepared = Prepared(stamp, color, images, state, T_predicted, watch.laps_ms)
+        self._prepared = Prepared(stamp, color, images, last, T_predicted, watch.laps_ms)
 
     def process(self, frame: RgbdFrame, on_pose: OnPose = lambda estimate: None) -> Estimate:
         """Return the estimate for the next frame.
@@ -144,30 +146,32 @@ class Odometry:
         before it, or whose stamps stay less than 0.1 ms apart: they are not nanoseconds. A stamp further back begins a
         new time, in which the camera has to be found again.
         """
-        stages = self._stages
-        self._order.check(frame, self.camera, stages.published.since_last_s(frame.stamp))
+        stages, log = self._stages, self._stages.published.log
+        self._order.check(frame, self.camera, log.since_last_s(frame.stamp))
         stages.sensor = stages.sensor.with_stamp(frame.stamp)
         prepared, self._prepared = self._prepared, None
         if prepared is not None and not prepared.is_of(frame, stages.last):
             prepared = None
         watch = Stopwatch(None if prepared is None else prepared.laps_ms)
         images = FrameImages.of(frame.color) if prepared is None else prepared.images
-        count = stages.published.log.count
-        view = View.of(frame, count, stages.sensor.clock, images, self.segmentation.mask(frame))
+        view = View.of(frame, log.count, stages.sensor.clock, images, self.segmentation.mask(frame))
         watch.lap("images")
-        loops, map_moved = self._apply_background(count)
+        loops, map_moved = self._apply_background(log.count)
         map_moved |= stages.mapper.prune(stages.last)
         watch.lap("background")
         T_predicted = None if prepared is None or map_moved else prepared.T_predicted
-        estimate = stages.process(view, T_predicted, watch, lambda each: on_pose(in_camera_pixels(each, images.scale)))
+        estimate, placed = stages.place(view, T_predicted, watch)
+        if placed is not None:
+            on_pose(in_camera_pixels(estimate, images.scale))
+            estimate = extend_chain_and_map(stages, placed, estimate, watch)
         estimate = in_camera_pixels(estimate, images.scale)
-        extend_map(stages, stages.published.log.count)
+        insert_found_corners(stages, log.count)
         measured = len(self.map.remembered) + len(self.intermediate.kept)
-        found = self._recalibration.after_frame(self, measured, stages.published.log.count, view.steady_stamp)
+        found = self._recalibration.after_frame(self, measured, log.count, view.steady_stamp)
         if found is not None:
             stages.mapper.lens_to_come = scaled_lens(found, frame_of=self.camera)
         has_time = not estimate.is_keyframe
-        loops += stages.closer.work_on_waiting(stages.published.log.count, stages.sensor, has_time)
+        loops += stages.closer.work_on_waiting(log.count, stages.sensor, has_time)
         if self._path.is_due(map_moved or estimate.is_keyframe, has_time):
             estimate = replace(estimate, path=self._path.of(stages.map), landmarks_map=cloud_of(stages.map))
         watch.lap("background")
@@ -196,22 +200,20 @@ class Odometry:
 
     def finish_map(self) -> None:
         """Adjust the whole map once more, when no frame follows; the last closures are `late_loops`."""
-        stages, log = self._stages, self._stages.published.log
-        self.late_loops = ()
+        stages, log, self.late_loops = self._stages, self._stages.published.log, ()
         if stages.last is None:
             return
-        extend_map(stages, None)
+        insert_found_corners(stages, None)
         newest, tracked = log.count - 1, self._newest_tracked
         if tracked is not None:
             stages.mapper.keep(newest, tracked, stages.sensor)
         loops, _ = self._apply_background(None)
         stages.mapper.start_background(log.count, stages.sensor)
         self.late_loops = (*loops, *self._apply_background(None)[0])
-        state = stages.last
-        T_reference_camera = state.T_reference_camera(stages.map)
+        T_reference_camera = stages.last.T_reference_camera(stages.map)
         self._last_timing = self.timing
         stages.sensor, self._adjusted = stages.mapper.finish(stages.sensor, log)
-        stages.last = state.moved_with(stages.map, T_reference_camera)
+        stages.last = stages.last.moved_with(stages.map, T_reference_camera)
         if newest in self._adjusted:
             stages.last = stages.last.at_pose(self._adjusted[newest])
 
@@ -224,17 +226,17 @@ class Odometry:
         the frame; other frames move along, the map stays as it is. The delays of stamps are those that the last frames
         have shown: what the first ones had measured by a guess of the timing pulls the adjustment's back to that.
         """
-        timing = self._last_timing or self.timing
         map_, adjusted = self._stages.map, {**self._adjusted, **between}
         moved = [replace(k, T_camera_map=keyframes[k.number]) if k.number in keyframes else k for k in map_.keyframes]
-        return trajectory(corrected(self._stages.published.log, moved, adjusted), moved, timing)
+        frames = corrected(self._stages.published.log, moved, adjusted)
+        return trajectory(frames, moved, self._last_timing or self.timing)
 
     def closing_test(self) -> ClosingTest | None:
         """Return the paper's test of a closed walk after `finish`, None where it can't be made (see `closing_test`)."""
-        stages, last = self._stages, self._newest_tracked
-        if stages.last is None or last is None:
+        stages = self._stages
+        if stages.last is None or self._newest_tracked is None:
             return None
-        return closing_test(stages.map, stages.tracker, stages.last, last, stages.chain.link, stages.sensor)
+        return closing_test(stages.map, stages.tracker, stages.last, stages.chain.link, stages.sensor)
 
     def closed_chain(self) -> ClosedChain | None:
         """Return the chain as its loop closures correct it, None where it has not begun."""
@@ -242,7 +244,7 @@ class Odometry:
         return close_chain(stages.chain, stages.map, stages.sensor)
 
     @property
-    def _newest_tracked(self) -> Tracked | None:
+    def _newest_tracked(self) -> TrackedFrame | None:
         """The last frame's tracking, None where it was not tracked."""
-        state, last = self._stages.last, self._stages.published.log.last
-        return state.tracked if state and last and last.stamp == state.view.stamp else None
+        last, logged = self._stages.last, self._stages.published.log.last
+        return last.tracked if last and logged and logged.stamp == last.view.stamp else None

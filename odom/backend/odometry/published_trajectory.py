@@ -11,13 +11,14 @@ from odom.backend.map.keyframe import Keyframe
 from odom.backend.map.map import Map
 from odom.backend.odometry.judged_frame import JudgedFrame
 from odom.backend.odometry.motion_covariance import covariance_of_motion, covariance_of_pose
-from odom.backend.odometry.odom_frame import OdomFrame, Origin
+from odom.backend.odometry.moving_view import MovingView
+from odom.backend.odometry.odom_in_map import OdomInMap, Origin
 from odom.backend.odometry.recent_publications import RecentPublications
 from odom.backend.odometry.surface_following import SurfaceFollowing
 from odom.backend.odometry.tuning import TUNING
 from odom.backend.publication import Publication
-from odom.backend.tracking.frame_state import FrameState
-from odom.backend.tracking.motion_model import Agility, Motion, MotionFilter, Velocity
+from odom.backend.tracking.motion_model import Motion, MotionFilter, ProcessNoise, Velocity
+from odom.backend.tracking.posed_frame import PosedFrame
 from odom.frame import Stamp
 from odom.frontend.camera.sensor_model import SensorModel
 from odom.frontend.features.view import View
@@ -34,24 +35,12 @@ class PublishedTrajectory:
 
     def __init__(self, map_: Map) -> None:
         self.log = FrameLog()
-        self._odom = OdomFrame()
+        self._odom = OdomInMap()
         self._map = map_
         self._recent = RecentPublications()
         self._newest: Publication | None = None
         self._corrected: Publication | None = None
-        self._agility = Agility()
         self._filter: MotionFilter | None = None
-
-    @property
-    def is_lost(self) -> bool:
-        """Whether the last frame has no pose, or there is none yet."""
-        last = self.log.last
-        return last is None or last.keyframe is None
-
-    def since_last_s(self, stamp: Stamp) -> float:
-        """Return the seconds from the last frame to `stamp`, infinite where there is none."""
-        last = self.log.last
-        return np.inf if last is None else (stamp - last.stamp) * 1e-9
 
     @property
     def T_map_odom(self) -> Array:
@@ -77,7 +66,7 @@ class PublishedTrajectory:
         self.log.append(LoggedFrame(view.stamp, keyframe.segment, view.late_s, *pose))
         self._recent.clear()
         T_middle_stamp, T_odom_camera = np.eye(4), self._odom.pose(se3.inverse(keyframe.T_camera_map))
-        self._filter = MotionFilter.begun(T_odom_camera, pose[2], self._agility)
+        self._filter = MotionFilter.begun(T_odom_camera, pose[2], self._process_noise)
         if twist is None:
             self._odom.origin = Origin(keyframe.segment, T_odom_camera, view.late_s)
         else:
@@ -88,13 +77,14 @@ class PublishedTrajectory:
         since_start = self._since_start(frame, T_odom_camera, doubt, sensor)
         return self._keep(Publication(frame, T_odom_camera, since_start, T_middle_stamp, doubt=doubt))
 
-    def advance(self, view: View, judged: JudgedFrame, sensor: SensorModel) -> Publication:
-        """Publish a judged frame, whose pose is that at its middle row's time.
+    def advance(self, judged: JudgedFrame, moving: MovingView, sensor: SensorModel) -> Publication:
+        """Publish a judged frame, whose pose is that at its middle row's time; `moving` is what moves in its view.
 
         The pose is smoothed and carried to the stamp. Since the image's time is known to the clock's sigma only, the
         distance that the camera covers in that time adds to the covariance.
         """
-        reference, delay_s = self._map.keyframes[judged.tracked.reference], view.since_middle_s(sensor.timing)
+        view, reference = judged.view, self._map.keyframes[judged.tracked.reference]
+        delay_s = view.since_middle_s(sensor.timing)
         T_reference_middle = reference.T_camera_map @ judged.tracked.T_map_camera
         middle = LoggedFrame(view.stamp, reference.segment, view.late_s, reference.number, T_reference_middle)
         self.log.append(replace(middle, covariance=judged.covariance, twist=judged.twist))
@@ -107,8 +97,8 @@ class PublishedTrajectory:
         T_odom_middle = self._odom.next_pose(judged.tracked.T_map_camera, T_odom_last)
         motion = self._filtered(T_odom_middle, judged)
         T_fitted_filtered = se3.inverse(T_odom_middle) @ motion.T_fixed_camera
-        motion = self._set_out(motion, judged, sensor)
-        carried = motion.after(delay_s, self._agility)
+        motion = self._move_origin(motion, judged, sensor)
+        carried = motion.after(delay_s, self._process_noise)
         T_odom_stamp = carried.T_fixed_camera
         T_middle_stamp = se3.inverse(motion.T_fixed_camera) @ T_odom_stamp
         frame = replace(
@@ -118,7 +108,7 @@ class PublishedTrajectory:
             late_s=None,
             twist=motion.twist,
         )
-        doubt = self._doubt(T_odom_stamp, judged)
+        doubt = self._doubt(T_odom_stamp, judged, moving)
         current = Publication(
             frame=frame,
             T_odom_camera=T_odom_stamp,
@@ -130,15 +120,23 @@ class PublishedTrajectory:
         return self._keep(self._with_motions(current, judged, sensor))
 
     def _filtered(self, T_odom_middle: Array, judged: JudgedFrame) -> Motion:
-        """Return the filtered motion at a judged frame's middle row; the filter begins anew where none led there."""
-        if judged.since_previous_s is not None and self._filter is not None:
-            self._filter = self._filter.tracked(T_odom_middle, judged.covariance, judged.since_previous_s)
+        """Return the filtered motion at a judged frame's middle row; the filter begins anew where none led there.
+
+        Nor does one where the pose is far beyond what the motion until then predicts: the recording was cut.
+        """
+        measured, since_s = (T_odom_middle, judged.covariance), judged.since_previous_s
+        if self._filter is None or since_s is None or self._filter.surprise(*measured, since_s) > TUNING.cut_chi2:
+            self._filter = MotionFilter.begun(*measured, self._process_noise)
         else:
-            self._filter = MotionFilter.begun(T_odom_middle, judged.covariance, self._agility)
-        self._agility = self._filter.agility
+            self._filter = self._filter.updated(*measured, since_s)
         return self._filter.motion
 
-    def _set_out(self, motion: Motion, judged: JudgedFrame, sensor: SensorModel) -> Motion:
+    @property
+    def _process_noise(self) -> ProcessNoise:
+        """The camera's acceleration as it was seen last, also before a loss."""
+        return ProcessNoise() if self._filter is None else self._filter.process_noise
+
+    def _move_origin(self, motion: Motion, judged: JudgedFrame, sensor: SensorModel) -> Motion:
         """Put the origin of odom where it is known to be now, by a segment's second frame or by a new timing.
 
         Returns the filtered `motion` in odom as it is then.
@@ -151,16 +149,19 @@ class PublishedTrajectory:
             odom.origin = None
             return motion
         velocity = origin.velocity or Velocity(motion.twist, motion.P[6:, 6:])
-        moving = origin.moving(velocity, sensor.timing)
-        if origin.velocity is None or moving.delay_s != origin.delay_s:
-            self._filter = self._filter.moved(odom.move_origin(moving))
+        moved = origin.with_velocity(velocity, sensor.timing)
+        if origin.velocity is None or moved.delay_s != origin.delay_s:
+            self._filter = self._filter.moved(odom.move_origin(moved))
         return self._filter.motion
 
     def _with_motions(self, current: Publication, judged: JudgedFrame, sensor: SensorModel) -> Publication:
-        """Return a publication with the motions since the frame before and over a second, None where not known."""
+        """Return a publication with the motions since the frame before and over a second, None where not known.
+
+        None is published since a pose that was only predicted: this one may have proved it wrong.
+        """
         inliers, step, second = judged.tracked.inlier_count, None, None
         last = self._recent.last
-        if last is not None and judged.since_previous_s is not None:
+        if last is not None and not last.is_predicted and judged.since_previous_s is not None:
             step = self._motion_since(last, current, inliers, sensor)
         then = self._recent.a_second_before(current.frame.stamp)
         if then is not None:
@@ -173,7 +174,7 @@ class PublishedTrajectory:
         assert last is not None
         assert last.frame.T_keyframe_camera is not None
         assert self._filter is not None
-        predicted = self._filter.motion.after(since_s + view.since_middle_s(sensor.timing), self._agility)
+        predicted = self._filter.motion.after(since_s + view.since_middle_s(sensor.timing), self._process_noise)
         step = se3.inverse(last.T_odom_camera) @ predicted.T_fixed_camera
         frame = replace(
             last.frame,
@@ -183,9 +184,9 @@ class PublishedTrajectory:
             twist=predicted.twist,
         )
         doubt = last.doubt.after(step, None, (view.stamp - last.frame.stamp) * 1e-9)
-        return self._publish(frame, predicted.T_fixed_camera, doubt, sensor)
+        return self._publish(frame, predicted.T_fixed_camera, doubt, sensor, is_predicted=True)
 
-    def follow(self, view: View, placed: FrameState, following: SurfaceFollowing, sensor: SensorModel) -> Publication:
+    def follow(self, view: View, placed: PosedFrame, following: SurfaceFollowing, sensor: SensorModel) -> Publication:
         """Publish where surfaces have led the camera since the frame of `placed`, the last that landmarks placed."""
         reference = self._map.keyframes[placed.reference]
         T_map_camera = placed.T_map_camera @ following.T_placed_after(view.since_middle_s(sensor.timing))
@@ -197,11 +198,13 @@ class PublishedTrajectory:
         dt, step = (view.stamp - last.frame.stamp) * 1e-9, se3.inverse(last.T_odom_camera) @ T_odom_camera
         return self._publish(frame, T_odom_camera, last.doubt.after(step, None, dt), sensor)
 
-    def _publish(self, frame: LoggedFrame, T_odom_camera: Array, doubt: Doubt, sensor: SensorModel) -> Publication:
+    def _publish(
+        self, frame: LoggedFrame, T_odom_camera: Array, doubt: Doubt, sensor: SensorModel, is_predicted: bool = False
+    ) -> Publication:
         """Log and publish a frame that landmarks did not place; no motions are published to it."""
         self.log.append(frame)
         since_start = self._since_start(frame, T_odom_camera, doubt, sensor)
-        return self._keep(Publication(frame, T_odom_camera, since_start, doubt=doubt))
+        return self._keep(Publication(frame, T_odom_camera, since_start, doubt=doubt, is_predicted=is_predicted))
 
     def lose(self, stamp: Stamp, segment: int) -> None:
         """Log a frame without a pose; no motion is published over it."""
@@ -223,12 +226,12 @@ class PublishedTrajectory:
             return None
         return RelativePose(earlier.frame.stamp, T_earlier_current, covariance, inliers)
 
-    def _doubt(self, T_odom_camera: Array, judged: JudgedFrame) -> Doubt:
+    def _doubt(self, T_odom_camera: Array, judged: JudgedFrame, moving: MovingView) -> Doubt:
         """Return how far the camera may have gone astray, at a judged frame's pose: nothing where it is known again.
 
         What is first seen to move now counts as moving since the look before.
         """
-        last, moving = self._newest, judged.moving
+        last = self._newest
         if last is None:
             return Doubt()
         if moving.witnesses.is_rooted and not moving.is_doubtful:

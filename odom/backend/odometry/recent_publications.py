@@ -30,9 +30,14 @@ class RecentPublications:
         self._newest.clear()
 
     def a_second_before(self, stamp: Stamp) -> Publication | None:
-        """Return the one nearest to a second before `stamp`, None where none is near; stamps ascend."""
+        """Return the one nearest to a second before `stamp` that was not predicted, None where none is near.
+
+        Stamps ascend.
+        """
         nearest = None
         for earlier in reversed(self._newest):  # few are looked at
+            if earlier.is_predicted:
+                continue
             if nearest is not None and _from_a_second(earlier, stamp) > _from_a_second(nearest, stamp):
                 break
             nearest = earlier

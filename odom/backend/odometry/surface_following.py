@@ -8,8 +8,9 @@ import numpy as np
 from odom.backend.map.frame_log import FrameLog
 from odom.backend.map.map import Map
 from odom.backend.odometry.tuning import TUNING
-from odom.backend.tracking.frame_state import FrameState, Tracked
-from odom.backend.tracking.motion_model import ANY_VELOCITY, Agility, Motion, Velocity, is_plausible_motion
+from odom.backend.tracking.motion_model import ANY_VELOCITY, Motion, ProcessNoise, Velocity, is_plausible_motion
+from odom.backend.tracking.posed_frame import PosedFrame
+from odom.backend.tracking.tracked_frame import TrackedFrame
 from odom.frame import Stamp
 from odom.frontend.camera.sensor_model import SensorModel
 from odom.frontend.camera.stamp_clock import SteadyStamp
@@ -19,9 +20,9 @@ from odom.frontend.matching.surface_alignment import align_surfaces
 from odom.geometry import se3
 from odom.geometry.arrays import Array
 
-_AGILITY = Agility(TUNING.surface_agility_m_s2, TUNING.surface_agility_rad_s2)
+_PROCESS_NOISE = ProcessNoise(TUNING.surface_acceleration_m_s2, TUNING.surface_acceleration_rad_s2)
 """How quickly the velocity of a camera changes that surfaces follow."""
-_VELOCITY_SIGMA = np.repeat([_AGILITY.linear, _AGILITY.angular], 3) * _AGILITY.steady_s
+_VELOCITY_SIGMA = np.repeat([_PROCESS_NOISE.linear, _PROCESS_NOISE.angular], 3) * _PROCESS_NOISE.steady_s
 """One sigma of a velocity (6, m/s and rad/s) that is the mean over the last frame."""
 
 
@@ -47,7 +48,7 @@ class SurfaceFollowing:
     best_misfit: float = math.inf
 
     @classmethod
-    def begun(cls, placed: FrameState, sensor: SensorModel, first: int) -> "SurfaceFollowing":
+    def begun(cls, placed: PosedFrame, sensor: SensorModel, first: int) -> "SurfaceFollowing":
         """Return what is known at a frame that landmarks `placed`; frame number `first` will be followed from there."""
         anchor = Surfaces.of(placed.view, sensor, placed.twist)
         covariance, velocity = np.zeros((6, 6)), ANY_VELOCITY
@@ -63,7 +64,7 @@ class SurfaceFollowing:
         None where surfaces have not held it in all directions for longer than `longest_s` (till then, its motion is
         predicted in those that have no shape), or where no camera moves so.
         """
-        predicted = self.motion.after(self.since_s(view), _AGILITY)
+        predicted = self.motion.after(self.since_s(view), _PROCESS_NOISE)
         surfaces = Surfaces.of(view, sensor, predicted.twist)
         aligned = align_surfaces(surfaces, self.anchor, predicted.T_fixed_camera, predicted.covariance)
         is_same = aligned.overlap >= TUNING.surface_least_overlap and aligned.in_front <= TUNING.surface_most_in_front
@@ -99,7 +100,7 @@ class SurfaceFollowing:
             motion=Motion.of(np.eye(4), np.zeros((6, 6)), velocity),
         )
 
-    def pose_after(self, placed: FrameState) -> tuple[Array, tuple[int, Array]]:
+    def pose_after(self, placed: PosedFrame) -> tuple[Array, tuple[int, Array]]:
         """Return T_camera_map by that of the frame that landmarks `placed`, and what it is known against.
 
         That is a key frame's number, with the pose's 6 x 6 covariance (`se3`, camera frame) against it.
@@ -122,7 +123,7 @@ class SurfaceFollowing:
 
 
 def distribute_drift(
-    log: FrameLog, map_: Map, following: SurfaceFollowing, placed: FrameState, view: View, found: Tracked
+    log: FrameLog, map_: Map, following: SurfaceFollowing, placed: PosedFrame, view: View, found: TrackedFrame
 ) -> None:
     """Move the followed frames in the `log` so that they lead to where landmarks have `found` the camera at `view`.
 

@@ -30,6 +30,9 @@ class Tuning:
     new_time_s: float = tuned(1.0, unit="s", source="no stream delays frames by so much",
         effect="Stamps that step back further begin a new time. Smaller: a late frame begins one; larger: a recording "
         "that is played in a loop is refused.")
+    cut_chi2: float = tuned(100.0, unit="chi-squared", source="at most 67 in freiburg1_rpy, 100 to 1360 at cuts",
+        effect="A pose so far from the predicted one begins the motion anew. Smaller: a jerk does; larger: behind a "
+        "cut in a recording the camera seems to fly for a second.")
     moving_period_s: float = tuned(0.1, unit="s", source="a person moves by half a limb's width",
         effect="What moves is looked at so often. Smaller: it costs more; larger: it is noticed late.")
     moving_most: float = tuned(0.5, unit="share of the view", source="most of it",
@@ -120,11 +123,11 @@ class Tuning:
     near_a_second_s: float = tuned(0.075, unit="s", source="two periods at 30 Hz, rounded up",
         effect="The motion over a second may be off from a second by so much. Smaller: there is none after a lost "
         "frame; larger: the second is inexact.")
-    surface_agility_m_s2: float = tuned(4.0, unit="m/s^2", source="fr1 and arena, 2 s without colour",
+    surface_acceleration_m_s2: float = tuned(4.0, unit="m/s^2", source="fr1 and arena, 2 s without colour",
         effect="The acceleration of a camera that is followed by surfaces, a root mean square. Smaller: it is not "
         "followed in quick turns; larger: it slides along surfaces with little shape.")
-    surface_agility_rad_s2: float = tuned(24.0, unit="rad/s^2", source="as surface_agility_m_s2",
-        effect="as surface_agility_m_s2")
+    surface_acceleration_rad_s2: float = tuned(24.0, unit="rad/s^2", source="as surface_acceleration_m_s2",
+        effect="as surface_acceleration_m_s2")
     surface_least_overlap: float = tuned(0.3, unit="share of points", source="as surface_enough_overlap",
         effect="A view of which fewer points lie on the surfaces of an earlier one is not aligned with it. Smaller: "
         "other surfaces are taken for them; larger: the camera is LOST behind a body that hides them.")

@@ -6,7 +6,7 @@ import numpy as np
 
 from odom.backend.map.landmarks import Landmarks
 from odom.backend.odometry.tuning import TUNING
-from odom.backend.tracking.frame_state import Tracked
+from odom.backend.tracking.tracked_frame import TrackedFrame
 from odom.backend.tracking.tuning import TUNING as TRACKING
 from odom.geometry.arrays import Index, Mask
 
@@ -19,7 +19,7 @@ class Agreement:
     missed: int
 
     @classmethod
-    def of(cls, tracked: Tracked, landmarks: Landmarks, identity: int) -> "Agreement":
+    def of(cls, tracked: TrackedFrame, landmarks: Landmarks, identity: int) -> "Agreement":
         """Return how the landmarks with identities below `identity` agree with a `tracked` frame's pose.
 
         Those that have departed do not tell.
@@ -94,7 +94,7 @@ class Witnesses:
         least = TUNING.denied_looks if trusted.contradicts(TUNING.moved_denies) else 1
         return replace(self, denying_looks=max(self.denying_looks + 1, least))
 
-    def with_root(self, tracked: Tracked, landmarks: Landmarks, is_suspicious: bool) -> "Witnesses":
+    def with_root(self, tracked: TrackedFrame, landmarks: Landmarks, is_suspicious: bool) -> "Witnesses":
         """Return the witnesses after a look at a `tracked` frame whose pose is suspicious, or is not."""
         root = self.proven_identity if is_suspicious else self.rooted_identity
         is_rooted = root > 0 and Agreement.of(tracked, landmarks, root).supports()

@@ -6,9 +6,9 @@ from functools import cached_property
 
 import numpy as np
 
-from odom.backend.tracking.consensus import FollowedFeatures
 from odom.backend.tracking.pose_solver import PoseFit, fit_pose
 from odom.backend.tracking.tuning import TUNING
+from odom.backend.tracking.voting_features import VotingFeatures
 from odom.frontend.camera.sensor_model import SensorModel
 from odom.frontend.features.corners import detect_corners
 from odom.frontend.features.measurement import Measurements, measure, measure_exactly, points_of
@@ -72,11 +72,11 @@ class FollowedCorners:
         return FollowedCorners(self.points[rows], self.covariances[rows], self.uv[rows], measured, self.pixel)
 
     @cached_property
-    def features(self) -> FollowedFeatures:
+    def features(self) -> VotingFeatures:
         """The corners as features, all of them proven alike."""
         rays, alike = self.measured.values[:, :2], np.full(len(self.uv), math.ceil(TUNING.proven_frames))
         sigma_px = TUNING.followed_sigma_px
-        return FollowedFeatures(self.points, np.zeros(3), rays, self.uv, alike, sigma_px, self.pixel)
+        return VotingFeatures(self.points, np.zeros(3), rays, self.uv, alike, sigma_px, self.pixel)
 
     def fit(self, T_start: Array, used: Mask) -> PoseFit:
         """Return the pose of the view in the earlier camera's frame by those `used`, from the start `T_start`."""

@@ -5,14 +5,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from odom.backend.map.landmarks import Landmarks
-from odom.backend.tracking.consensus import FollowedFeatures, consensus
+from odom.backend.tracking.consensus import consensus
 from odom.backend.tracking.departing import departing
-from odom.backend.tracking.expected_pose import ExpectedPose
-from odom.backend.tracking.frame_state import MotionPrior
-from odom.backend.tracking.motion_model import Agility, Velocity
+from odom.backend.tracking.expected_pose import ExpectedPose, MotionPrior
+from odom.backend.tracking.motion_model import ProcessNoise, Velocity
 from odom.backend.tracking.pose_solver import PoseFit, chi2_of, fit_pose
 from odom.backend.tracking.row_velocity import fit_velocity
 from odom.backend.tracking.tuning import TUNING
+from odom.backend.tracking.voting_features import VotingFeatures
 from odom.frontend.camera.sensor_model import SensorModel
 from odom.frontend.features.measurement import Measurements, measure
 from odom.frontend.features.view import View
@@ -20,7 +20,7 @@ from odom.frontend.matching.landmark_search import LandmarkMatches
 from odom.geometry import se3
 from odom.geometry.arrays import Array, Index, Mask
 
-_WHITE_ACCELERATION = Agility(steady_s=0.0)
+_WHITE_ACCELERATION = ProcessNoise(steady_s=0.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,14 +65,14 @@ class FoundLandmarks:
         fit = fit_pose(self.points, self.covariances, values, variances, T_start, self.counts)
         return fit if self.counts.all() else replace(fit, chi2=self._chi2(measured, fit.T_camera_map))
 
-    def features(self, measured: Measurements, fit: PoseFit) -> FollowedFeatures:
+    def features(self, measured: Measurements, fit: PoseFit) -> VotingFeatures:
         """Return them as features that vote for a pose, as `measured` and seen from where a `fit` puts the camera."""
         eye, pixel = se3.inverse(fit.T_camera_map)[:3, 3], 1.0 / self.sensor.lens.intrinsics[0]
         rays, uv, sigma_px = measured.values[:, :2], self.found.uv, TUNING.found_sigma_px
-        return FollowedFeatures(self.points, eye, rays, uv, self.seen, sigma_px, pixel)
+        return VotingFeatures(self.points, eye, rays, uv, self.seen, sigma_px, pixel)
 
     def settled(
-        self, measured: Measurements, fit: PoseFit, features: FollowedFeatures, expected: ExpectedPose
+        self, measured: Measurements, fit: PoseFit, features: VotingFeatures, expected: ExpectedPose
     ) -> tuple["FoundLandmarks", Measurements, Array]:
         """Return those that count where many disagree with a `fit`, as measured, and the pose that most agree with.
 

@@ -6,16 +6,15 @@ import numpy as np
 
 from odom.backend.map.map import Map
 from odom.backend.settings import OdometrySettings
+from odom.backend.tracking.expected_pose import MotionPrior
 from odom.backend.tracking.found_landmarks import FoundLandmarks
-from odom.backend.tracking.frame_state import FrameState, MotionPrior, Tracked
 from odom.backend.tracking.keyframe_poses import keyframe_poses
-from odom.backend.tracking.motion_model import is_plausible_motion
-from odom.backend.tracking.prediction import predict_pose
+from odom.backend.tracking.motion_model import is_plausible_motion, mean_twist
+from odom.backend.tracking.posed_frame import PosedFrame
 from odom.backend.tracking.quality import has_enough_inliers, is_known_place, is_same_view
+from odom.backend.tracking.tracked_frame import TrackedFrame
 from odom.backend.tracking.tuning import TUNING
 from odom.frontend.camera.sensor_model import SensorModel
-from odom.frontend.camera.stamp_clock import SteadyStamp
-from odom.frontend.features.images import FrameImages
 from odom.frontend.features.view import View
 from odom.frontend.matching.landmark_search import Candidates, find_landmarks
 from odom.frontend.matching.line_of_sight import LineOfSight
@@ -29,28 +28,26 @@ class FrameTracker:
     def __init__(self, map_: Map, settings: OdometrySettings) -> None:
         self._map, self._settings = map_, settings
 
-    def predict(self, state: FrameState, images: FrameImages, stamp: SteadyStamp, sensor: SensorModel) -> Array:
-        """Return T_camera_map of the `images` taken at `stamp`, as predicted without depth (see `predict_pose`)."""
-        return predict_pose(self._map, state, images, stamp, sensor)
-
     def follow(
-        self, state: FrameState, view: View, sensor: SensorModel, T_predicted: Array, twist: Array, in_doubt: bool
-    ) -> Tracked | None:
+        self, last: PosedFrame, view: View, sensor: SensorModel, T_predicted: Array, twist: Array, in_doubt: bool
+    ) -> TrackedFrame | None:
         """Return the frame tracked from `T_predicted` (T_camera_map), or None.
 
         It was taken in motion with `twist` (6, SI, camera frame). None where a carried camera cannot have moved so;
         where moving bodies leave the pose `in_doubt`, and too few landmarks support a motion with a jerk; or where the
         place may only look like the one that the frame before showed.
         """
-        prior = state.motion_prior(state.since_s(view.steady_stamp), sensor.noise.covariance_scale)
-        local = self.around(state.reference, T_predicted)
+        since_s = last.since_s(view.steady_stamp)
+        prior = last.motion_prior(since_s, sensor.noise.covariance_scale)
+        local = self.around(last.reference, T_predicted)
         tracked = self.track(view, sensor, T_predicted, twist, local, prior)
-        if not (is_plausible_motion(prior.mean_twist_to(tracked.T_camera_map)) and has_enough_inliers(tracked)):
+        mean = mean_twist(last.T_map_camera, tracked.T_camera_map, since_s)
+        if not (is_plausible_motion(mean) and has_enough_inliers(tracked)):
             return None
         is_jerk = prior.expected_pose is not None and not prior.expected_pose.is_within_reach(tracked.T_camera_map)
         if in_doubt and is_jerk and tracked.found_again < TUNING.sure_share * tracked.visible_count:
             return None
-        is_continuous = is_same_view(tracked, state.tracked) and not state.is_bridged
+        is_continuous = is_same_view(tracked, last.tracked) and not last.is_bridged
         return tracked if is_continuous or is_known_place(tracked) else None
 
     def around(self, reference: int, T_camera_map: Array, but: Collection[int] = frozenset()) -> Index:
@@ -65,7 +62,7 @@ class FrameTracker:
         twist: Array,
         local: Index,
         prior: MotionPrior | None = None,
-    ) -> Tracked:
+    ) -> TrackedFrame:
         """Find the landmarks of the key frames `local` where `T_start` (T_camera_map) predicts them, and fit the pose.
 
         The camera moves roughly with `twist` (6, SI). The first of `local` is the reference: its landmarks come first
@@ -97,7 +94,7 @@ class FrameTracker:
         found = landmarks.found
         inliers = fit.chi2[:, 0] < TUNING.inlier_chi2
         missed = found.missed(inliers)
-        return Tracked(
+        return TrackedFrame(
             T_camera_map=fit.T_camera_map,
             information=fit.information,
             rows=found.rows,
@@ -123,7 +120,7 @@ class FrameTracker:
         near: int,
         prior: MotionPrior | None = None,
         but: Collection[int] = frozenset(),
-    ) -> Tracked:
+    ) -> TrackedFrame:
         """Track a frame from a rough `T_start` near key frame `near`, and again from there, without those in `but`.
 
         Descriptors give a pose to some degrees only: more pixels than patches can be moved by.

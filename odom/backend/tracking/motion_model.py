@@ -1,7 +1,8 @@
 """How a hand-held camera moves: a Kalman filter of constant velocity in the tangent space.
 
-Its process noise is the acceleration of about the last second. It smooths the published poses and carries them to the
-image's stamp; where the fits are much better than the motion is predictable, it passes them on as they are.
+Its process noise is the acceleration of about the last second (`ProcessNoise`). It smooths the published poses and
+carries them to the image's stamp; where the fits are much better than the motion is predictable, it passes them on as
+they are.
 """
 
 import math
@@ -27,6 +28,14 @@ def is_plausible_motion(twist: Array) -> bool:
     return speed_m_s < TUNING.fastest_m_s and speed_rad_s < TUNING.fastest_rad_s
 
 
+def mean_twist(T_map_before: Array, T_camera_map: Array, since_s: float) -> Array:
+    """Return the mean velocity (6, SI, camera frame) of a camera that went on for `since_s` seconds.
+
+    It was at `T_map_before`, a T_map_camera, and is at `T_camera_map` now.
+    """
+    return np.asarray(-se3.log(T_camera_map @ T_map_before) / since_s)
+
+
 @dataclass(frozen=True, eq=False)
 class Velocity:
     """The camera's `twist` (6, m/s and rad/s, its own frame), with its 6 x 6 `covariance`."""
@@ -40,16 +49,16 @@ ANY_VELOCITY = Velocity(np.zeros(6), np.diag(_TWIST_SIGMA**2))
 
 
 @dataclass(frozen=True)
-class Agility:
-    """How quickly a camera's velocity changes: root mean squares of its acceleration, m/s^2 and rad/s^2 an axis.
+class ProcessNoise:
+    """How much a camera accelerates: root mean squares, `linear` (m/s^2) and `angular` (rad/s^2), of each axis.
 
     An acceleration lasts for some `steady_s` (R. Singer, "Estimating optimal tracking filter performance for manned
     maneuvering targets", 1970); 0: the acceleration is white noise.
     """
 
-    linear: float = TUNING.agility_linear
-    angular: float = TUNING.agility_angular
-    steady_s: float = TUNING.agility_steady_s
+    linear: float = TUNING.acceleration_linear
+    angular: float = TUNING.acceleration_angular
+    steady_s: float = TUNING.acceleration_steady_s
 
     def carried(self, P: Array, dt: float) -> Array:
         """Return the covariance P (12 x 12) of pose and twist `dt` seconds later: unknown acceleration adds to it."""
@@ -57,23 +66,23 @@ class Agility:
         factors = (0.25 + unsteady) * dt**4, 0.5 * dt**3, dt**2
         return _carried(P, dt, factors, (self.linear**2, self.angular**2))
 
-    def in_steps_of(self, dt: float) -> "Agility":
-        """Return the agility by which steps of `dt` seconds add up to as much as longer ones.
+    def in_steps_of(self, dt: float) -> "ProcessNoise":
+        """Return the process noise by which steps of `dt` seconds add up to as much as longer ones.
 
         `carried` takes the accelerations of different steps to be independent; through several short ones one lasts.
         """
-        lasting = math.sqrt(max(1.0, TUNING.agility_least_s / dt))
-        return self if lasting == 1.0 else Agility(lasting * self.linear, lasting * self.angular, self.steady_s)
+        lasting = math.sqrt(max(1.0, TUNING.acceleration_least_s / dt))
+        return self if lasting == 1.0 else ProcessNoise(lasting * self.linear, lasting * self.angular, self.steady_s)
 
-    def after(self, acceleration: Array, dt: float) -> "Agility":
-        """Return the agility after `acceleration` (6, SI) was seen for `dt` seconds."""
+    def after(self, acceleration: Array, dt: float) -> "ProcessNoise":
+        """Return the process noise after `acceleration` (6, SI) was seen for `dt` seconds."""
         ax, ay, az, bx, by, bz = acceleration.tolist()
-        new = min(1.0, dt / TUNING.agility_memory_s)
+        new = min(1.0, dt / TUNING.acceleration_memory_s)
         old_linear, old_angular = self.linear * self.linear, self.angular * self.angular
         linear = math.sqrt(old_linear + new * ((ax * ax + ay * ay + az * az) / 3.0 - old_linear))
         angular = math.sqrt(old_angular + new * ((bx * bx + by * by + bz * bz) / 3.0 - old_angular))
-        linear, angular = max(linear, TUNING.agility_least_linear), max(angular, TUNING.agility_least_angular)
-        return Agility(linear, angular, self.steady_s)
+        linear, angular = max(linear, TUNING.acceleration_least_linear), max(angular, TUNING.acceleration_least_angular)
+        return ProcessNoise(linear, angular, self.steady_s)
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,9 +109,9 @@ class Motion:
         """Return the 6 x 6 covariance of how far the camera goes in `dt` seconds."""
         return np.asarray(self.P[6:, 6:] * dt * dt)
 
-    def after(self, dt: float, agility: Agility) -> "Motion":
-        """Return the motion predicted `dt` seconds later, of a camera as agile as that."""
-        return Motion(self.T_fixed_camera @ se3.exp(self.twist * dt), self.twist, agility.carried(self.P, dt))
+    def after(self, dt: float, process_noise: ProcessNoise) -> "Motion":
+        """Return the motion predicted `dt` seconds later, of a camera whose acceleration is that `process_noise`."""
+        return Motion(self.T_fixed_camera @ se3.exp(self.twist * dt), self.twist, process_noise.carried(self.P, dt))
 
     def corrected(self, T_fixed_camera: Array, covariance: Array) -> "Motion":
         """Return the motion after the pose has been measured with `covariance` (6 x 6)."""
@@ -116,35 +125,41 @@ class Motion:
 
 @dataclass(frozen=True, eq=False)
 class MotionFilter:
-    """The filtered `motion` of a tracked camera, and its `agility`.
+    """The filtered `motion` of a tracked camera, and its `process_noise`.
 
     `T_fitted` is the pose as measured `since_s` seconds ago, where the next acceleration is seen from, and `twist` the
     mean velocity (6, SI) over the `dt` seconds before that, None where it is not known.
     """
 
     motion: Motion
-    agility: Agility
+    process_noise: ProcessNoise
     T_fitted: Array
     twist: Array | None = None
     dt: float = 0.0
     since_s: float = 0.0
 
     @classmethod
-    def begun(cls, T_fixed_camera: Array, covariance: Array, agility: Agility) -> "MotionFilter":
+    def begun(cls, T_fixed_camera: Array, covariance: Array, process_noise: ProcessNoise) -> "MotionFilter":
         """Return the filter of a camera of which only the pose is known, with its 6 x 6 covariance."""
-        return cls(Motion.of(T_fixed_camera, covariance), agility, T_fixed_camera)
+        return cls(Motion.of(T_fixed_camera, covariance), process_noise, T_fixed_camera)
 
-    def tracked(self, T_fixed_camera: Array, covariance: Array, dt: float) -> "MotionFilter":
+    def surprise(self, T_fixed_camera: Array, covariance: Array, dt: float) -> float:
+        """Return the squared Mahalanobis distance of a pose, measured with `covariance`, from that predicted for it."""
+        predicted = self.motion.after(dt, self.process_noise.in_steps_of(dt))
+        innovation = se3.log(se3.inverse(predicted.T_fixed_camera) @ T_fixed_camera)
+        return float(innovation @ np.linalg.solve(predicted.covariance + covariance, innovation))
+
+    def updated(self, T_fixed_camera: Array, covariance: Array, dt: float) -> "MotionFilter":
         """Return the filter after the pose was measured `dt` seconds later, with `covariance` (6 x 6)."""
-        agility, since_s = self.agility, self.since_s + dt
-        if since_s < TUNING.agility_least_s:
-            motion = self.motion.after(dt, agility.in_steps_of(dt)).corrected(T_fixed_camera, covariance)
+        process_noise, since_s = self.process_noise, self.since_s + dt
+        if since_s < TUNING.acceleration_least_s:
+            motion = self.motion.after(dt, process_noise.in_steps_of(dt)).corrected(T_fixed_camera, covariance)
             return replace(self, motion=motion, since_s=since_s)
         twist = se3.log(se3.inverse(self.T_fitted) @ T_fixed_camera) / since_s
         if self.twist is not None:
-            agility = agility.after((twist - self.twist) / (0.5 * (since_s + self.dt)), since_s)
-        motion = self.motion.after(dt, agility.in_steps_of(dt)).corrected(T_fixed_camera, covariance)
-        return MotionFilter(motion, agility, T_fixed_camera, twist, since_s)
+            process_noise = process_noise.after((twist - self.twist) / (0.5 * (since_s + self.dt)), since_s)
+        motion = self.motion.after(dt, process_noise.in_steps_of(dt)).corrected(T_fixed_camera, covariance)
+        return MotionFilter(motion, process_noise, T_fixed_camera, twist, since_s)
 
     def moved(self, T_new_old: Array) -> "MotionFilter":
         """Return the filter of the same camera in a frame that was moved by `T_new_old`."""

@@ -3,8 +3,8 @@
 import numpy as np
 
 from odom.backend.map.map import Map
-from odom.backend.tracking.frame_state import Tracked
 from odom.backend.tracking.pose_solver import fit_pose
+from odom.backend.tracking.tracked_frame import TrackedFrame
 from odom.backend.tracking.tuning import TUNING
 from odom.frontend.camera.noise_monitor import NoiseMonitor
 from odom.geometry import se3
@@ -12,7 +12,7 @@ from odom.geometry.arrays import Array
 
 
 def noise_after(
-    noise: NoiseMonitor, map_: Map, tracked: Tracked, step: Array | None, frame: int, width: int
+    noise: NoiseMonitor, map_: Map, tracked: TrackedFrame, step: Array | None, frame: int, width: int
 ) -> NoiseMonitor:
     """Return `noise` after one more tracked frame, number `frame`, whose image is `width` pixels wide.
 
@@ -28,7 +28,7 @@ def noise_after(
     return noise if nees is None else noise.with_halves(nees)
 
 
-def nees_of_halves(map_: Map, tracked: Tracked, width: int) -> float | None:
+def nees_of_halves(map_: Map, tracked: TrackedFrame, width: int) -> float | None:
     """Return the NEES (6 expected) of the difference between the poses that the image's left and right half give.
 
     None where one of the halves holds too few landmarks.

@@ -6,12 +6,13 @@ import numpy as np
 
 from odom.backend.map.landmarks import Landmarks
 from odom.backend.map.map import Map
-from odom.backend.tracking.consensus import FollowedFeatures, consensus, is_exact
+from odom.backend.tracking.consensus import consensus
 from odom.backend.tracking.found_landmarks import those_that_count
-from odom.backend.tracking.frame_state import FrameState
 from odom.backend.tracking.keyframe_poses import keyframe_poses
 from odom.backend.tracking.pose_solver import chi2_of, fit_pose
+from odom.backend.tracking.posed_frame import PosedFrame
 from odom.backend.tracking.tuning import TUNING
+from odom.backend.tracking.voting_features import VotingFeatures, is_exact
 from odom.frontend.camera.sensor_model import SensorModel
 from odom.frontend.camera.stamp_clock import SteadyStamp
 from odom.frontend.features.images import FrameImages
@@ -28,8 +29,8 @@ _NEAREST_M = 0.1
 _GATES_PX = (TUNING.coarse_gate_px, TUNING.middle_gate_px, TUNING.last_gate_px)
 
 
-def predict_pose(map_: Map, state: FrameState, images: FrameImages, stamp: SteadyStamp, sensor: SensorModel) -> Array:
-    """Return T_camera_map of the `images` taken at `stamp`, after the frame of `state`.
+def predict_pose(map_: Map, last: PosedFrame, images: FrameImages, stamp: SteadyStamp, sensor: SensorModel) -> Array:
+    """Return T_camera_map of the `images` taken at `stamp`, after the `last` frame.
 
     As long as the camera moves about as it did, patches are found around where constant velocity puts them. Where it
     surprises, features are followed from the image before, however far they went: the fit's gate closes step by step
@@ -37,22 +38,22 @@ def predict_pose(map_: Map, state: FrameState, images: FrameImages, stamp: Stead
     fit, the motion is chosen that most of the image shows; where too few are followed, constant velocity stands. Rays
     are carried to the middle row by the motion that leads to the pose in question.
     """
-    since_s = state.since_s(stamp)
-    T_predicted = state.predicted_after(since_s)
+    since_s = last.since_s(stamp)
+    T_predicted = last.predicted_after(since_s)
     landmarks = map_.landmarks
-    followed = _search(map_, state, images, T_predicted, since_s, sensor)
+    followed = _search(map_, last, images, T_predicted, since_s, sensor)
     coarse = followed.fitted(T_predicted, followed.found, _GATES_PX[1:])
     least = max(TUNING.followed_least, TUNING.unsurprised_share * len(followed.rows))
     features = followed.features(landmarks, coarse.rays)
     is_contested = features.is_contested(coarse.T_camera_map, ~coarse.agrees[followed.found])
     if np.count_nonzero(coarse.agrees) < least or is_contested:
-        followed = _follow(landmarks, state, images, T_predicted, since_s, sensor)
+        followed = _follow(landmarks, last, images, T_predicted, since_s, sensor)
         coarse = followed.fitted(T_predicted, followed.found, _GATES_PX)
         features = followed.features(landmarks, coarse.rays)
         is_contested = features.is_contested(coarse.T_camera_map, ~coarse.agrees[followed.found])
     rival = None
     if is_contested:
-        rival = consensus(features, coarse.T_camera_map, state.expected_after(since_s))
+        rival = consensus(features, coarse.T_camera_map, last.expected_after(since_s))
     elif is_exact(features, coarse.T_camera_map, coarse.rays_before[followed.found, :2], T_predicted):
         rival = T_predicted
     if rival is not None:
@@ -76,13 +77,13 @@ class _CoarsePose:
 
 @dataclass(frozen=True, eq=False)
 class _Followed:
-    """Landmarks `rows` (n) of the frame of `state`, followed to `uv` (n x 2 px) in an image `since_s` later.
+    """Landmarks `rows` (n) of the `last` frame, followed to `uv` (n x 2 px) in an image `since_s` later.
 
     `found` (n) says which were found there; `points` (n x 3, m, map frame) with `covariances` (n x 3 x 3, m^2) are
     their positions.
     """
 
-    state: FrameState
+    last: PosedFrame
     since_s: float
     sensor: SensorModel
     rows: Index
@@ -95,7 +96,7 @@ class _Followed:
     def at(
         cls,
         landmarks: Landmarks,
-        state: FrameState,
+        last: PosedFrame,
         since_s: float,
         sensor: SensorModel,
         found: tuple[Index, Array, Mask],
@@ -104,7 +105,7 @@ class _Followed:
         rows, uv, is_found = found
         uv = np.where(is_found[:, None], uv, 0.0)
         return cls(
-            state,
+            last,
             since_s,
             sensor,
             rows,
@@ -117,17 +118,17 @@ class _Followed:
     def in_motion(self, T_camera_map: Array) -> Array:
         """Return the rays (n x 3, 1/z is NaN), carried to the middle row, if the camera moved straight to a pose."""
         inverse_depth = 1.0 / np.maximum(self.points @ T_camera_map[2, :3] + T_camera_map[2, 3], _NEAREST_M)
-        twist, readout_s = self.state.twist_to(T_camera_map, self.since_s), self.sensor.timing.readout_s
+        twist, readout_s = self.last.twist_to(T_camera_map, self.since_s), self.sensor.timing.readout_s
         rays = np.full((len(self.rows), 3), np.nan)
         rays[:, :2] = middle_rays(self.sensor.lens.rays, self.uv, inverse_depth, twist, readout_s)
         return rays
 
-    def features(self, landmarks: Landmarks, rays: Array) -> FollowedFeatures:
+    def features(self, landmarks: Landmarks, rays: Array) -> VotingFeatures:
         """Return those that were found, with their `rays` (n x 3, as `in_motion` to a pose)."""
         found = np.flatnonzero(self.found)
-        return FollowedFeatures(
+        return VotingFeatures(
             self.points.take(found, 0),
-            self.state.T_map_camera[:3, 3],
+            self.last.T_map_camera[:3, 3],
             rays[:, :2].take(found, 0),
             self.uv.take(found, 0),
             landmarks.seen.take(self.rows.take(found)),
@@ -154,10 +155,10 @@ class _Followed:
         return out
 
 
-def _followed_before(landmarks: Landmarks, state: FrameState) -> tuple[Index, Array]:
-    """Return the rows (n) of landmarks that the frame of `state` saw, as many as are followed, and where (n x 2 px)."""
-    alive = landmarks.alive[state.rows]
-    rows, uv = state.rows[alive], state.uv[alive]
+def _followed_before(landmarks: Landmarks, last: PosedFrame) -> tuple[Index, Array]:
+    """Return the rows (n) of landmarks that the `last` frame saw, as many as are followed, and where (n x 2 px)."""
+    alive = landmarks.alive[last.rows]
+    rows, uv = last.rows[alive], last.uv[alive]
     counts = those_that_count(landmarks.is_vague(rows))
     if not counts.all():
         rows, uv = rows[counts], uv[counts]
@@ -168,30 +169,30 @@ def _followed_before(landmarks: Landmarks, state: FrameState) -> tuple[Index, Ar
 
 
 def _search(
-    map_: Map, state: FrameState, images: FrameImages, T_predicted: Array, since_s: float, sensor: SensorModel
+    map_: Map, last: PosedFrame, images: FrameImages, T_predicted: Array, since_s: float, sensor: SensorModel
 ) -> _Followed:
-    """Look for what the frame of `state` saw in the half-size image, by patches, around where `T_predicted` puts it."""
+    """Look for what the `last` frame saw in the half-size image, by patches, around where `T_predicted` puts it."""
     landmarks = map_.landmarks
-    rows, _ = _followed_before(landmarks, state)
+    rows, _ = _followed_before(landmarks, last)
     keyframes = distinct(landmarks.keyframe[rows])
     candidates = Candidates.all_of(rows, keyframes, keyframe_poses(map_, keyframes, T_predicted))
-    twist = state.twist_to(T_predicted, since_s)
+    twist = last.twist_to(T_predicted, since_s)
     found = find_coarsely(landmarks, candidates, T_predicted, twist, images, sensor)
-    return _Followed.at(landmarks, state, since_s, sensor, found)
+    return _Followed.at(landmarks, last, since_s, sensor, found)
 
 
 def _follow(
     landmarks: Landmarks,
-    state: FrameState,
+    last: PosedFrame,
     images: FrameImages,
     T_predicted: Array,
     since_s: float,
     sensor: SensorModel,
 ) -> _Followed:
-    """Follow what the frame of `state` saw into the next `images`, from where `T_predicted` puts it."""
-    rows, uv_previous = _followed_before(landmarks, state)
-    position, twist, readout_s = landmarks.position[rows], state.twist_to(T_predicted, since_s), sensor.timing.readout_s
+    """Follow what the `last` frame saw into the next `images`, from where `T_predicted` puts it."""
+    rows, uv_previous = _followed_before(landmarks, last)
+    position, twist, readout_s = landmarks.position[rows], last.twist_to(T_predicted, since_s), sensor.timing.readout_s
     seen = seen_in_motion(position, T_predicted, sensor.lens, twist, readout_s, _BORDER_PX)
     guess = np.where(np.isnan(seen[:, :2]), uv_previous, seen[:, :2])
-    uv, found = follow_features(state.view.images.full, images.full, uv_previous, guess, images.scale)
-    return _Followed.at(landmarks, state, since_s, sensor, (rows, uv, found))
+    uv, found = follow_features(last.view.images.full, images.full, uv_previous, guess, images.scale)
+    return _Followed.at(landmarks, last, since_s, sensor, (rows, uv, found))

@@ -3,17 +3,17 @@
 import numpy as np
 
 from odom.backend.estimate import State
-from odom.backend.tracking.frame_state import Tracked
+from odom.backend.tracking.tracked_frame import TrackedFrame
 from odom.backend.tracking.tuning import TUNING
 from odom.geometry.arrays import Array
 
 
-def has_enough_inliers(tracked: Tracked) -> bool:
+def has_enough_inliers(tracked: TrackedFrame) -> bool:
     """Return whether enough landmarks agree with a pose for it to be considered at all."""
     return tracked.inlier_count >= TUNING.least_inliers
 
 
-def is_same_view(tracked: Tracked, previous: Tracked | None) -> bool:
+def is_same_view(tracked: TrackedFrame, previous: TrackedFrame | None) -> bool:
     """Return whether enough is left of what the `previous` frame saw (None: it began a segment).
 
     Landmarks do not vanish all at once: where few are left, the view has jumped. Those on a body that sets off are
@@ -23,14 +23,14 @@ def is_same_view(tracked: Tracked, previous: Tracked | None) -> bool:
     return left >= TUNING.least_share_left * (0 if previous is None else previous.inlier_count)
 
 
-def is_known_place(tracked: Tracked, has_other_support: bool = False) -> bool:
+def is_known_place(tracked: TrackedFrame, has_other_support: bool = False) -> bool:
     """Return whether a frame shows what its key frames saw; fewer suffice where something else supports it."""
     share = TUNING.share_in_chain if has_other_support else TUNING.share_without_chain
     return tracked.found_again >= max(TUNING.found_again, share * tracked.visible_count)
 
 
 def judge_pose(
-    tracked: Tracked, vague: int, covariance: Array, is_recovered: bool, lacks_depth: bool, doubt: str
+    tracked: TrackedFrame, vague: int, covariance: Array, is_recovered: bool, lacks_depth: bool, doubt: str
 ) -> tuple[State, str]:
     """Return the state of a tracked frame, and the reason where it is not TRACKING.
 

@@ -6,10 +6,12 @@ import numpy as np
 
 from odom.backend.map.map import Map
 from odom.backend.map.memory import recall_near
-from odom.backend.tracking.frame_state import FrameState, MotionPrior, Tracked
+from odom.backend.tracking.expected_pose import MotionPrior
 from odom.backend.tracking.frame_tracker import FrameTracker
-from odom.backend.tracking.motion_model import AT_REST, Motion, is_plausible_motion
+from odom.backend.tracking.motion_model import AT_REST, Motion, is_plausible_motion, mean_twist
+from odom.backend.tracking.posed_frame import PosedFrame
 from odom.backend.tracking.quality import is_known_place
+from odom.backend.tracking.tracked_frame import TrackedFrame
 from odom.backend.tracking.tuning import TUNING
 from odom.frame import Stamp
 from odom.frontend.camera.sensor_model import SensorModel
@@ -21,39 +23,40 @@ from odom.geometry.arrays import Array
 from odom.registration import Registration, register
 
 
-def registered_step(state: FrameState, view: View, place: Place, sensor: SensorModel) -> Registration | None:
-    """Return the registration (T_here_view) of a view that shows `place` with the newest frame, that of `state`.
+def registered_step(last: PosedFrame, view: View, place: Place, sensor: SensorModel) -> Registration | None:
+    """Return the registration (T_here_view) of a view that shows `place` with the newest frame, `last`.
 
     The two are matched by descriptors; None where they do not match.
     """
-    if state.since_s(view.steady_stamp) <= 0.0:
+    if last.since_s(view.steady_stamp) <= 0.0:
         return None
-    pairs = match_places(place, describe_place(state.view, sensor, state.twist))
+    pairs = match_places(place, describe_place(last.view, sensor, last.twist))
     registration = None if pairs is None else register(pairs)
     return registration if registration is not None and registration.ok else None
 
 
 def track_wide_step(
-    tracker: FrameTracker, state: FrameState, view: View, registration: Registration, sensor: SensorModel
-) -> Tracked | None:
-    """Return a view tracked from where its `registration` with the frame of `state` puts it (see `registered_step`).
+    tracker: FrameTracker, last: PosedFrame, view: View, registration: Registration, sensor: SensorModel
+) -> TrackedFrame | None:
+    """Return a view tracked from where its `registration` with the `last` frame puts it (see `registered_step`).
 
     None where too little of what is known there is found again, or where the camera could not have moved so.
     """
-    T_camera_map = se3.inverse(registration.T_target_source) @ state.T_camera_map
-    prior = state.motion_prior(state.since_s(view.steady_stamp), sensor.noise.covariance_scale)
-    prior = replace(prior, expected_pose=None)
-    tracked = tracker.track_twice(view, sensor, T_camera_map, prior.mean_twist_to(T_camera_map), state.reference, prior)
-    is_motion = is_plausible_motion(prior.mean_twist_to(tracked.T_camera_map))
+    T_camera_map = se3.inverse(registration.T_target_source) @ last.T_camera_map
+    since_s = last.since_s(view.steady_stamp)
+    prior = replace(last.motion_prior(since_s, sensor.noise.covariance_scale), expected_pose=None)
+    twist = mean_twist(last.T_map_camera, T_camera_map, since_s)
+    tracked = tracker.track_twice(view, sensor, T_camera_map, twist, last.reference, prior)
+    is_motion = is_plausible_motion(mean_twist(last.T_map_camera, tracked.T_camera_map, since_s))
     return tracked if is_motion and agree(tracked, registration, T_camera_map) else None
 
 
 def relocalise(
-    map_: Map, tracker: FrameTracker, state: FrameState | None, view: View, place: Place, sensor: SensorModel
-) -> Tracked | None:
+    map_: Map, tracker: FrameTracker, last: PosedFrame | None, view: View, place: Place, sensor: SensorModel
+) -> TrackedFrame | None:
     """Return the frame that shows `place`, tracked around the key frame where that is recognised; None if nowhere.
 
-    `state` is the newest frame with a pose: to a pose in its segment, the camera must have been able to move since.
+    `last` is the newest frame with a pose: to a pose in its segment, the camera must have been able to move since.
     """
     for recognition in recognise(map_.places, place, set()):
         registration = recognition.registration
@@ -67,17 +70,17 @@ def relocalise(
         motion = Motion.of(se3.inverse(T_camera_map), TUNING.place_sigma**2 * np.eye(6))
         prior = MotionPrior(motion, 0.0, sensor.noise.covariance_scale)
         tracked = tracker.track_twice(view, sensor, T_camera_map, AT_REST, keyframe.number, prior)
-        seen = None if state is None else _last_seen(map_, state, tracked.reference, view, sensor.clock.period_s)
+        seen = None if last is None else _last_seen(map_, last, tracked.reference, view, sensor.clock.period_s)
         is_near = seen is not None and seen.is_near(tracked)
         is_soon = is_near and seen is not None and seen.is_soon
         is_known = not recognition.refusal and is_known_place(tracked, is_near)
         is_known = is_known or (is_soon and agree(tracked, registration, T_camera_map))
-        if is_known and (state is None or _is_within_reach(map_, state, tracked, view)):
+        if is_known and (last is None or _is_within_reach(map_, last, tracked, view)):
             return tracked
     return None
 
 
-def agree(tracked: Tracked, registration: Registration, T_registered: Array) -> bool:
+def agree(tracked: TrackedFrame, registration: Registration, T_registered: Array) -> bool:
     """Return whether landmarks confirm the T_camera_map `T_registered` that descriptors gave by `registration`.
 
     Landmarks and matches together must be many; fewer landmarks suffice where the two poses are close. That is enough
@@ -90,7 +93,7 @@ def agree(tracked: Tracked, registration: Registration, T_registered: Array) -> 
     return tracked.found_again >= least and evidence >= TUNING.share_with_matches * tracked.visible_count
 
 
-def was_there_of_late(map_: Map, tracked: Tracked, stamp: Stamp, period_s: float) -> bool:
+def was_there_of_late(map_: Map, tracked: TrackedFrame, stamp: Stamp, period_s: float) -> bool:
     """Return whether a pose tracked at `stamp` is near the last key frame of its segment, made a few frames before.
 
     The segment is that of the pose's reference key frame; frames come every `period_s`.
@@ -107,7 +110,7 @@ class _LastSeen:
     since_s: float
     is_soon: bool
 
-    def is_near(self, tracked: Tracked) -> bool:
+    def is_near(self, tracked: TrackedFrame) -> bool:
         """Return whether a tracked pose is no farther away than a camera goes in that time.
 
         That supports it as an agreeing chain would; after a long time it says nothing.
@@ -118,12 +121,12 @@ class _LastSeen:
         return bool(away_m < TUNING.velocity_sigma_m_s * likely_s and away_rad < TUNING.velocity_sigma_rad_s * likely_s)
 
 
-def _last_seen(map_: Map, state: FrameState, reference: int, view: View, period_s: float) -> _LastSeen | None:
+def _last_seen(map_: Map, last: PosedFrame, reference: int, view: View, period_s: float) -> _LastSeen | None:
     """Return the last frame in the segment of key frame `reference`; None if long ago, or if `view` is earlier."""
     segment = map_.keyframes[reference].segment
-    if map_.keyframes[state.reference].segment == segment:
-        since_s = state.since_s(view.steady_stamp)
-        return _LastSeen(state.T_camera_map, since_s, since_s < _soon_s(period_s)) if since_s > 0.0 else None
+    if map_.keyframes[last.reference].segment == segment:
+        since_s = last.since_s(view.steady_stamp)
+        return _LastSeen(last.T_camera_map, since_s, since_s < _soon_s(period_s)) if since_s > 0.0 else None
     return _last_keyframe(map_, segment, view.stamp, period_s)
 
 
@@ -131,7 +134,7 @@ def _last_keyframe(map_: Map, segment: int, stamp: Stamp, period_s: float) -> _L
     """Return the last key frame of a segment before `stamp`, None if that was long ago, or in an earlier session."""
     for keyframe in reversed(map_.keyframes):
         since_s = (stamp - keyframe.stamp) * 1e-9
-        if since_s >= _soon_s(period_s) or keyframe.number < map_.earlier:
+        if since_s >= _soon_s(period_s) or keyframe.number < map_.earlier_keyframes:
             return None
         if keyframe.segment == segment and since_s > 0.0:
             return _LastSeen(keyframe.T_camera_map, since_s, True)
@@ -142,9 +145,9 @@ def _soon_s(period_s: float) -> float:
     return max(TUNING.near_s, TUNING.near_periods * period_s)
 
 
-def _is_within_reach(map_: Map, state: FrameState, tracked: Tracked, view: View) -> bool:
-    """Return whether the camera could have moved from `state` to the tracked pose; other segments are always open."""
-    since_s = state.since_s(view.steady_stamp)
-    if since_s <= 0.0 or map_.keyframes[state.reference].segment != map_.keyframes[tracked.reference].segment:
+def _is_within_reach(map_: Map, last: PosedFrame, tracked: TrackedFrame, view: View) -> bool:
+    """Return whether the camera could have moved from `last` to the tracked pose; other segments are always open."""
+    since_s = last.since_s(view.steady_stamp)
+    if since_s <= 0.0 or map_.keyframes[last.reference].segment != map_.keyframes[tracked.reference].segment:
         return True
-    return is_plausible_motion(-state.step_to(tracked) / since_s)
+    return is_plausible_motion(mean_twist(last.T_map_camera, tracked.T_camera_map, since_s))

@@ -165,18 +165,18 @@ class Tuning:
         effect="Rows tell so much less of the velocity than independent errors would. Smaller: velocities tremble; "
         "larger: they lag behind.")
     # motion_model
-    agility_memory_s: float = tuned(1.0, unit="s", source=_HAND,
+    acceleration_memory_s: float = tuned(1.0, unit="s", source=_HAND,
         effect="How strongly the hand accelerates is learnt over so long. Smaller: the noise of the motion jumps; "
         "larger: a start or stop is smoothed away.")
-    agility_least_linear: float = tuned(0.1, unit="m/s^2", source=_HAND,
+    acceleration_least_linear: float = tuned(0.1, unit="m/s^2", source=_HAND,
         effect="The hand never accelerates less. Smaller: the end of a rest is seen late; larger: it trembles at rest.")
-    agility_least_angular: float = tuned(0.6, unit="rad/s^2", source=_HAND, effect="as agility_least_linear")
-    agility_linear: float = tuned(1.0, unit="m/s^2", source=_HAND,
+    acceleration_least_angular: float = tuned(0.6, unit="rad/s^2", source=_HAND, effect="as acceleration_least_linear")
+    acceleration_linear: float = tuned(1.0, unit="m/s^2", source=_HAND,
         effect="This is expected at first. Smaller: motion is too smooth; larger: it is too rough for a second.")
-    agility_angular: float = tuned(6.0, unit="rad/s^2", source=_HAND, effect="as agility_linear")
-    agility_steady_s: float = tuned(0.1, unit="s", source=_HAND,
+    acceleration_angular: float = tuned(6.0, unit="rad/s^2", source=_HAND, effect="as acceleration_linear")
+    acceleration_steady_s: float = tuned(0.1, unit="s", source=_HAND,
         effect="An acceleration lasts so long. Smaller: it is taken for noise; larger: poses overshoot at turns.")
-    agility_least_s: float = tuned(0.025, unit="s", source="below the period of a Kinect; walks drawn at 60 to 200 Hz",
+    acceleration_least_s: float = tuned(0.025, unit="s", source="below a Kinect's period; walks drawn at 60 to 200 Hz",
         effect="Accelerations are seen over such steps at least. Shorter: what poses err by seems one at high rates; "
         "longer: starts and stops are seen late.")
     velocity_sigma_m_s: float = tuned(1.0, unit="m/s", source=_HAND,

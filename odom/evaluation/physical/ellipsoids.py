@@ -33,14 +33,16 @@ def read_ellipsoids(looks: Sequence[Look]) -> dict[str, Any]:
     points = np.concatenate([look.place.points for look in looks[:: max(1, len(looks) // 12)]])
     if not len(points):
         return {}
-    knots, sigma_w = sensor.noise.noise.inverse_depth_sigma
+    knots, sigma_w = sensor.noise.feature_noise.inverse_depth_sigma
     shown = {}
     for name, share in (("near", _NEAR), ("far", _FAR)):
         z = float(np.quantile(points[:, 2], share))
         point = points[np.argmin(np.abs(points[:, 2] - z))]
         uv = np.array([[fx * point[0] / point[2] + cx, fy * point[1] / point[2] + cy]])
         depth = point[2:].copy()
-        in_use = _InUse(float(depth[0] ** 2 * np.interp(1 / depth[0], knots, sigma_w)), sensor.noise.noise.pixel_sigma)
+        in_use = _InUse(
+            float(depth[0] ** 2 * np.interp(1 / depth[0], knots, sigma_w)), sensor.noise.feature_noise.pixel_sigma
+        )
         shown[name] = {
             "point_m": back_project(camera, uv, depth)[0].tolist(),
             "z_levels": point_covariances(model, camera, uv, depth)[0].tolist(),

@@ -149,7 +149,7 @@ def _key_point_covariances(points: Array, sigmas: Array, sensor: SensorModel) ->
     The detection is off within a cube of the grid, by more for coarser scales and farther points.
     """
     z = points[:, 2]
-    knots, sigma = sensor.noise.noise.inverse_depth_sigma
+    knots, sigma = sensor.noise.feature_noise.inverse_depth_sigma
     ray = points / z[:, None] * (z**2 * np.interp(1.0 / z, knots, sigma))[:, None]
     found = TUNING.sift_sigma_m**2 / 12.0 + (TUNING.key_point_share * sigmas) ** 2 + (TUNING.key_point_rad * z) ** 2
     return np.asarray(ray[:, :, None] * ray[:, None, :] + found[:, None, None] * np.eye(3))

@@ -38,18 +38,18 @@ class FeatureNoise:
 
 @dataclass(frozen=True, eq=False)
 class NoiseMonitor:
-    """The `noise` as it now seems, what was assumed at the `start`, and the inflations of pose covariances.
+    """The `feature_noise` as it now seems, what was assumed at the `start`, and the inflations of pose covariances.
 
-    `halves` is the inflation by halves of the image after `halves_seen` comparisons, `jumps` the one by jumps of the
-    pose after `jumps_seen`, of which `steps` holds the last ones. `residuals_seen` counts frames.
+    Of these factors one comes from `halves_seen` comparisons of the image's halves, the other from `jumps_seen` jumps
+    of the pose, of which `steps` holds the last motions (6, `se3`). `residuals_seen` counts frames.
     """
 
-    noise: FeatureNoise
+    feature_noise: FeatureNoise
     start: FeatureNoise
-    halves: float = TUNING.noise_unproven
+    inflation_by_halves: float = TUNING.noise_unproven
     halves_seen: int = 0
     residuals_seen: int = 0
-    jumps: float = TUNING.noise_unproven
+    inflation_by_jumps: float = TUNING.noise_unproven
     jumps_seen: int = 0
     steps: tuple[Array, ...] = ()
 
@@ -67,10 +67,10 @@ class NoiseMonitor:
         if len(chi2) < TUNING.noise_least:
             return self
         gain = max(TUNING.noise_gain, 1.0 / (self.residuals_seen + 2.0))
-        pixel = self.noise.pixel_sigma * (float(np.median(chi2[:, 0])) / _MEDIAN_CHI2_2) ** (gain / 2)
+        pixel = self.feature_noise.pixel_sigma * (float(np.median(chi2[:, 0])) / _MEDIAN_CHI2_2) ** (gain / 2)
         largest = TUNING.noise_range
         pixel = min(max(pixel, self.start.pixel_sigma / largest), self.start.pixel_sigma * largest)
-        knots, sigma = self.noise.inverse_depth_sigma
+        knots, sigma = self.feature_noise.inverse_depth_sigma
         sigma = sigma.copy()
         nearest = np.abs(inverse_depth[:, None] - knots[None, :]).argmin(axis=1)
         has_depth = chi2[:, 1] > 0.0
@@ -80,14 +80,14 @@ class NoiseMonitor:
                 sigma[k] *= (np.median(chi2[at_knot, 1]) / _MEDIAN_CHI2_1) ** (gain / 2)
         first = self.start.inverse_depth_sigma[1]
         table = np.stack([knots, np.clip(sigma, first / largest, first * largest)])
-        return replace(self, noise=FeatureNoise(pixel, table), residuals_seen=self.residuals_seen + 1)
+        return replace(self, feature_noise=FeatureNoise(pixel, table), residuals_seen=self.residuals_seen + 1)
 
     def with_halves(self, nees: float) -> "NoiseMonitor":
         """Return the monitor after comparing the poses of the image's halves: their difference's NEES (6 expected)."""
         seen = min(max(nees / 6.0, _SMALLEST_RATIO), TUNING.noise_most)
         gain = max(TUNING.noise_gain, 1.0 / (self.halves_seen + 2.0))
-        halves = self.halves + gain * (seen - self.halves)
-        return replace(self, halves=halves, halves_seen=self.halves_seen + 1)
+        inflation = self.inflation_by_halves + gain * (seen - self.inflation_by_halves)
+        return replace(self, inflation_by_halves=inflation, halves_seen=self.halves_seen + 1)
 
     def with_step(self, step: Array | None, information: Array) -> "NoiseMonitor":
         """Return the monitor after one more `step` (6, `se3`) to a pose of this 6 x 6 `information`.
@@ -104,13 +104,13 @@ class NoiseMonitor:
         nees = float(third @ information @ third) / _THIRD_DIFFERENCE_VARIANCE
         seen = min(max(nees / 6.0, _SMALLEST_RATIO), TUNING.noise_most_jump) * _MEAN_TO_GEOMETRIC_CHI2_6
         gain = max(TUNING.noise_gain, 1.0 / (self.jumps_seen + 2.0))
-        jumps = self.jumps ** (1.0 - gain) * seen**gain
-        return replace(self, steps=steps, jumps=jumps, jumps_seen=self.jumps_seen + 1)
+        inflation = self.inflation_by_jumps ** (1.0 - gain) * seen**gain
+        return replace(self, steps=steps, inflation_by_jumps=inflation, jumps_seen=self.jumps_seen + 1)
 
     @property
     def covariance_scale(self) -> float:
         """The factor by which to multiply the covariance of a pose."""
-        return max(1.0, 0.5 * (self.halves + self.jumps))
+        return max(1.0, 0.5 * (self.inflation_by_halves + self.inflation_by_jumps))
 
     @property
     def calibration_error(self) -> float:
@@ -120,4 +120,6 @@ class NoiseMonitor:
         disagree: the share is `noise_calibration_error` where calibration causes all of the disagreement, 0 where noise
         explains it.
         """
-        return TUNING.noise_calibration_error * max(0.0, 1.0 - TUNING.noise_explained / max(self.halves, 1e-9))
+        return TUNING.noise_calibration_error * max(
+            0.0, 1.0 - TUNING.noise_explained / max(self.inflation_by_halves, 1e-9)
+        )

@@ -22,16 +22,16 @@ class SensorMemory:
     timing: ShutterTiming
     timing_information: Array
     noise: FeatureNoise
-    halves: float
-    jumps: float
+    inflation_by_halves: float
+    inflation_by_jumps: float
     depth_tilt: DepthTilt
 
     @classmethod
     def of(cls, sensor: SensorModel) -> "SensorMemory":
         """Return what is to be remembered of a camera."""
         monitor = sensor.noise
-        inflations = monitor.halves, monitor.jumps
-        return cls(sensor.timing, sensor.timing_information, monitor.noise, *inflations, sensor.depth_tilt)
+        inflations = monitor.inflation_by_halves, monitor.inflation_by_jumps
+        return cls(sensor.timing, sensor.timing_information, monitor.feature_noise, *inflations, sensor.depth_tilt)
 
     def recalled(self, sensor: SensorModel) -> SensorModel:
         """Return the model of a camera that has shown nothing yet, with what is remembered of it.
@@ -42,9 +42,9 @@ class SensorMemory:
         information = np.asarray(np.linalg.inv(variance), dtype=np.float64)
         noise = replace(
             sensor.noise,
-            noise=self.noise,
-            halves=self.halves,
-            jumps=self.jumps,
+            feature_noise=self.noise,
+            inflation_by_halves=self.inflation_by_halves,
+            inflation_by_jumps=self.inflation_by_jumps,
             halves_seen=_SEEN,
             residuals_seen=_SEEN,
             jumps_seen=_SEEN,

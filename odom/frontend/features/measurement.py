@@ -130,7 +130,7 @@ def measure(
     `covariance_uv` (n x 3 px^2: uu, uv, vv) is that of the positions; the sensor's noise is added.
     `inverse_depth_guess` (n, 1/m) is roughly their inverse depth, which saves reading the depth image once.
     """
-    lens, timing, noise = sensor.lens, sensor.timing, sensor.noise.noise
+    lens, timing, noise = sensor.lens, sensor.timing, sensor.noise.feature_noise
     height, width = view.depth_mm.shape
     errors = depth_errors(uv, width, height, lens.depth_model)
     if inverse_depth_guess is None:

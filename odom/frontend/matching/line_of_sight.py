@@ -45,7 +45,9 @@ class LineOfSight:
         visible = np.flatnonzero(uvz[:, 2] > 0.0)
         uvz = uvz.take(visible, 0)
         expected = 1.0 / uvz[:, 2]
-        sigma = _sigma(expected, covariances.take(visible, 0), T_camera_points, sensor.noise.noise.inverse_depth_sigma)
+        sigma = _sigma(
+            expected, covariances.take(visible, 0), T_camera_points, sensor.noise.feature_noise.inverse_depth_sigma
+        )
         gate = TUNING.look_back_depth_sigmas * sigma + TUNING.look_back_depth_share * expected
         uv, measured, scale = as_measured(lens.depth_model, uvz[:, :2], expected, width, height)
         hidden, seen_through, washed_out = (np.zeros(len(points), dtype=np.bool_) for _ in range(3))

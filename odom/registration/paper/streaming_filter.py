@@ -45,8 +45,9 @@ class RecursiveFilter:
     `prior` is a motion prediction: where S_k is linearised and, with a covariance, evidence. `centroids` makes it the
     rotation-only filter of the paper's nine states, which takes no such evidence. `theta` = 1 / gamma (0: Kalman),
     `alpha` > 0 the norm-bounded form of the source's noise, else its second moment. Without a prior S_k is linearised
-    at the estimate so far, so filters to be merged should share a prior. Raises InputError for settings that make no
-    filter.
+    at the estimate so far, so filters to be merged should share a prior. Of the `count` pairs seen so far, `A` (6 x 10)
+    and `y` (12) hold the sums (see `accumulate`), `summed_noise` (3 x 3, m^2) that of S_k. Raises InputError for
+    settings that make no filter.
     """
 
     prior: Prior | None = None

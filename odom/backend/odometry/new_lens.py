@@ -9,44 +9,43 @@ measured when they are looked at. Waiting loop candidates are dropped.
 from dataclasses import replace
 
 from odom.backend.odometry.frame_stages import FrameStages
-from odom.backend.tracking.frame_state import FrameState
+from odom.backend.tracking.posed_frame import PosedFrame
 from odom.backend.tracking.quality import has_enough_inliers, is_same_view
 from odom.frontend.camera.sensor_model import SensorModel
 from odom.frontend.features.lens_change import LensChange
 from odom.geometry.arrays import Array
 
 
-def go_on_through_lens(
-    stages: FrameStages, before: SensorModel, state: FrameState, T_reference_camera: Array
-) -> FrameState:
-    """Continue with the sensor's new lens in the map adjusted to it; return the newest frame's state there.
+def go_on_with_new_lens(
+    stages: FrameStages, before: SensorModel, last: PosedFrame, T_reference_camera: Array
+) -> PosedFrame:
+    """Continue with the sensor's new lens in the map adjusted to it; return the newest frame there.
 
-    `before` was the sensor until now; `state` and `T_reference_camera` are the newest frame's in the map as it was.
+    `before` was the sensor until now; `last` is the newest frame, at `T_reference_camera`, in the map as it was.
     The pose in odom stays what it was.
     """
     change = LensChange(before.lens, stages.sensor.lens)
     timing_change = before.timing.change_to(stages.sensor.timing)
     stages.closer.drop_waiting()
-    stages.chain.see_through(change)
-    moved = state.moved_with(stages.map, T_reference_camera)
-    moved = moved.seen_through(change, timing_change, stages.map.landmarks)
+    stages.chain.change_lens(change)
+    moved = last.moved_with(stages.map, T_reference_camera)
+    moved = moved.with_lens_changed(change, timing_change, stages.map.landmarks)
     moved = _tracked_again(stages, moved)
-    stages.published.change_lens(moved.T_map_camera @ state.T_camera_map)
-    stages.last = moved
+    stages.published.change_lens(moved.T_map_camera @ last.T_camera_map)
     return moved
 
 
-def _tracked_again(stages: FrameStages, state: FrameState) -> FrameState:
-    """Return the newest frame's state tracked with the new lens, unchanged where too little is found.
+def _tracked_again(stages: FrameStages, last: PosedFrame) -> PosedFrame:
+    """Return the `last` frame tracked with the new lens, unchanged where too little is found.
 
     Through the old lens its rows had shown a wrong velocity, by which the measurements were carried to the middle row.
-    Now they are carried by `state.twist`, and no velocity of the rows is handed on.
+    Now they are carried by `last.twist`, and no velocity of the rows is handed on.
     """
-    before, tracker, T = state.tracked, stages.tracker, state.T_camera_map
+    before, tracker, T = last.tracked, stages.tracker, last.T_camera_map
     if before is None:
-        return state
-    tracked = tracker.track(state.view, stages.sensor, T, state.twist, tracker.around(state.reference, T))
+        return last
+    tracked = tracker.track(last.view, stages.sensor, T, last.twist, tracker.around(last.reference, T))
     if not (has_enough_inliers(tracked) and is_same_view(tracked, before)):
-        return state
+        return last
     tracked = replace(tracked, reference=before.reference)
-    return replace(state, tracked=tracked, T_camera_map=tracked.T_camera_map)
+    return replace(last, tracked=tracked, T_camera_map=tracked.T_camera_map)

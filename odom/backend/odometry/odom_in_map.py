@@ -34,7 +34,7 @@ class Origin:
     velocity: Velocity | None = None
     delay_s: float = 0.0
 
-    def moving(self, velocity: Velocity, timing: ShutterTiming) -> "Origin":
+    def with_velocity(self, velocity: Velocity, timing: ShutterTiming) -> "Origin":
         """Return the same of a camera whose `velocity` is known, and of a shutter of that `timing`."""
         return replace(self, velocity=velocity, delay_s=self.late_s + timing.since_middle_s)
 
@@ -60,7 +60,7 @@ class Origin:
         return np.asarray(of_velocity + delay_covariance(A, self.velocity.twist, twist, delay_variance))
 
 
-class OdomFrame:
+class OdomInMap:
     """`T_map_odom`, and the `origin` of the segment that began last, None where that is not known."""
 
     def __init__(self) -> None:

@@ -3,7 +3,7 @@
 import numpy as np
 
 from odom.backend.map.pose_covariance import delay_covariance
-from odom.backend.odometry.odom_frame import OdomFrame, Origin
+from odom.backend.odometry.odom_in_map import OdomInMap, Origin
 from odom.backend.tracking.motion_model import Velocity
 from odom.frontend.camera.rolling_shutter import ShutterTiming
 from odom.geometry import se3
@@ -15,7 +15,7 @@ VELOCITY = Velocity(TWIST, 1e-4 * np.eye(6))
 
 def begun():
     """Odom of a segment whose first frame, stamped 1 ms late, was published where its middle row was taken."""
-    odom = OdomFrame()
+    odom = OdomInMap()
     odom.correct(se3.exp(np.full(6, 0.1)))
     origin = Origin(0, odom.pose(T_MAP_MIDDLE), late_s=0.001)
     odom.origin = origin
@@ -25,7 +25,7 @@ def begun():
 def test_the_first_frame_lies_at_its_stamp_where_it_was_published_for_every_timing():
     odom, origin = begun()
     for readout_s in (0.024, 0.030, -0.002, 0.0):
-        odom.move_origin(odom.origin.moving(VELOCITY, ShutterTiming(readout_s)))
+        odom.move_origin(odom.origin.with_velocity(VELOCITY, ShutterTiming(readout_s)))
         T_map_stamp = T_MAP_MIDDLE @ se3.exp((0.001 + abs(readout_s) / 2) * TWIST)
         np.testing.assert_allclose(odom.pose(T_map_stamp), origin.T_odom_camera, atol=1e-12)
 
@@ -34,7 +34,7 @@ def test_poses_in_odom_change_by_what_is_returned():
     odom, origin = begun()
     T_map_camera = se3.exp(np.array([1.0, 0.3, 0.2, -0.3, 0.5, 0.9]))
     before = odom.pose(T_map_camera)
-    T_new_old = odom.move_origin(origin.moving(VELOCITY, ShutterTiming(0.03)))
+    T_new_old = odom.move_origin(origin.with_velocity(VELOCITY, ShutterTiming(0.03)))
     np.testing.assert_allclose(odom.pose(T_map_camera), T_new_old @ before, atol=1e-12)
 
 

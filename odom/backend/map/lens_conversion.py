@@ -21,13 +21,13 @@ def positions_through(map_: Map, change: LensChange, rows: Index) -> tuple[Array
     return positions, L.plane[rows, 0] * ratio
 
 
-def see_through(map_: Map, change: LensChange) -> None:
+def change_lens(map_: Map, change: LensChange) -> None:
     """Convert all that key frames measured, their landmarks and their places to the new lens."""
     L = map_.landmarks
     rows = np.flatnonzero(L.alive)
     L.position[rows], L.plane[rows, 0] = positions_through(map_, change, rows)
     for number in map_.remembered:
-        map_.keyframes[number].see_through(change)
+        map_.keyframes[number].change_lens(change)
     places = map_.places.places
     for number, place in list(places.items()):
         places[number] = replace(place, points=change.points(place.points))

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from odom.backend.chain.named_features import NamedFeatures
-from odom.backend.publication import Publication
+from odom.backend.published_pose import PublishedPose
 from odom.frontend.camera.sensor_model import SensorModel
 from odom.frontend.features.view import View
 from odom.geometry.arrays import Array
@@ -21,7 +21,7 @@ class ChainFrame:
     view: View
     features: NamedFeatures
     twist: Array
-    published: Publication
+    published: PublishedPose
 
     def stamp_covariance(self, sensor: SensorModel) -> Array:
         """Return the 6 x 6 covariance of carrying a pose from the middle row's time to the jittering stamp."""

@@ -25,7 +25,7 @@ from odom.backend.odometry.published_trajectory import PublishedTrajectory
 from odom.backend.odometry.repeated_image import ShownDepth, is_repeated
 from odom.backend.odometry.surface_following import SurfaceFollowing
 from odom.backend.odometry.tuning import TUNING
-from odom.backend.publication import Publication
+from odom.backend.published_pose import PublishedPose
 from odom.backend.settings import OdometrySettings
 from odom.backend.stopwatch import Stopwatch
 from odom.backend.tracking.frame_tracker import FrameTracker
@@ -223,7 +223,7 @@ class FrameStages:
     def _segment(self) -> int:
         return 0 if self.last is None else self.map.keyframes[self.last.reference].segment
 
-    def _describe(self, view: View, state: State, reason: str, published: Publication | None) -> Estimate:
+    def _describe(self, view: View, state: State, reason: str, published: PublishedPose | None) -> Estimate:
         """Return the estimate for a frame as it was published, without a pose where None."""
         segment = self._segment if published is None else published.frame.segment
         estimate = Estimate(view.sequence, view.stamp, state, reason, segment, self.published.T_map_odom)

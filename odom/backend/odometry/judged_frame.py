@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from odom.backend.estimate import State
-from odom.backend.publication import Publication
+from odom.backend.published_pose import PublishedPose
 from odom.backend.tracking.tracked_frame import TrackedFrame
 from odom.frontend.features.view import View
 from odom.geometry.arrays import Array
@@ -30,4 +30,4 @@ class PlacedFrame:
     """A frame that landmarks placed, as it was `judged` and `published`."""
 
     judged: JudgedFrame
-    published: Publication
+    published: PublishedPose

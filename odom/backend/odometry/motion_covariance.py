@@ -7,16 +7,16 @@ from odom.backend.map.frame_log import LoggedFrame
 from odom.backend.map.map import Map
 from odom.backend.map.pose_covariance import covariance_since_start, relative_covariance
 from odom.backend.odometry.odom_in_map import Origin
-from odom.backend.publication import Publication
+from odom.backend.published_pose import PublishedPose
 from odom.frontend.camera.sensor_model import SensorModel
 from odom.geometry import se3
 from odom.geometry.arrays import Array
 
 
 def covariance_of_motion(
-    map_: Map, earlier: Publication, frame: LoggedFrame, T_earlier_current: Array, doubt: Doubt, sensor: SensorModel
+    map_: Map, earlier: PublishedPose, frame: LoggedFrame, T_earlier_current: Array, doubt: Doubt, sensor: SensorModel
 ) -> Array | None:
-    """Return the 6 x 6 covariance of the motion from an earlier publication to the `frame` that is published now.
+    """Return the 6 x 6 covariance of the motion from an earlier published pose to the `frame` that is published now.
 
     None where it is not known. `doubt` is the one at that frame.
     """
@@ -27,7 +27,7 @@ def covariance_of_motion(
 
 def covariance_of_pose(
     map_: Map,
-    corrected: Publication | None,
+    corrected: PublishedPose | None,
     origin: Origin | None,
     frame: LoggedFrame,
     T_odom_camera: Array,
@@ -36,7 +36,8 @@ def covariance_of_pose(
 ) -> Array | None:
     """Return the 6 x 6 covariance of the pose of a `frame` in odom since its segment began, None where not known.
 
-    From `corrected`, the last publication before the map was corrected, it only grows. `origin` is where odom begins.
+    From `corrected`, the last pose published before the map was corrected, it only grows. `origin` is where odom
+    begins.
     """
     if corrected is not None and corrected.covariance is not None:
         T_earlier_current = se3.inverse(corrected.T_odom_camera) @ T_odom_camera

@@ -15,10 +15,10 @@ from odom.backend.map.shown import ShownPath, cloud_of
 from odom.backend.mapping.intermediate_frames import IntermediateFrames, corrected
 from odom.backend.odometry.between_frames import apply_background, insert_found_corners
 from odom.backend.odometry.camera_pixels import in_camera_pixels
+from odom.backend.odometry.chain_and_map import extend_chain_and_map
 from odom.backend.odometry.final_trajectory import trajectory
 from odom.backend.odometry.frame_order import FrameOrder
 from odom.backend.odometry.frame_stages import FrameStages
-from odom.backend.odometry.growth import extend_chain_and_map
 from odom.backend.odometry.next_frame import is_next
 from odom.backend.odometry.prepared import Prepared
 from odom.backend.odometry.recalibration import Calibrator, Recalibration

@@ -13,10 +13,10 @@ from odom.backend.odometry.judged_frame import JudgedFrame
 from odom.backend.odometry.motion_covariance import covariance_of_motion, covariance_of_pose
 from odom.backend.odometry.moving_view import MovingView
 from odom.backend.odometry.odom_in_map import OdomInMap, Origin
-from odom.backend.odometry.recent_publications import RecentPublications
+from odom.backend.odometry.recently_published import RecentlyPublished
 from odom.backend.odometry.surface_following import SurfaceFollowing
 from odom.backend.odometry.tuning import TUNING
-from odom.backend.publication import Publication
+from odom.backend.published_pose import PublishedPose
 from odom.backend.tracking.motion_model import Motion, MotionFilter, ProcessNoise, Velocity
 from odom.backend.tracking.posed_frame import PosedFrame
 from odom.frame import Stamp
@@ -27,19 +27,19 @@ from odom.geometry.arrays import Array
 
 
 class PublishedTrajectory:
-    """The `log` of all frames (poses at the middle row's time) and the newest publications.
+    """The `log` of all frames (poses at the middle row's time) and the poses published last.
 
     The map grows and moves meanwhile: `T_map_odom` takes up the corrections, so that published poses are continuous.
-    These do not become surer by a correction: from the last publication before it on, their covariance only grows.
+    These do not become surer by a correction: from the last pose published before it on, their covariance only grows.
     """
 
     def __init__(self, map_: Map) -> None:
         self.log = FrameLog()
         self._odom = OdomInMap()
         self._map = map_
-        self._recent = RecentPublications()
-        self._newest: Publication | None = None
-        self._corrected: Publication | None = None
+        self._recent = RecentlyPublished()
+        self._newest: PublishedPose | None = None
+        self._corrected: PublishedPose | None = None
         self._filter: MotionFilter | None = None
 
     @property
@@ -57,7 +57,7 @@ class PublishedTrajectory:
         self._odom.change_lens(T_new_old)
         self._corrected = self._newest
 
-    def begin(self, view: View, keyframe: Keyframe, sensor: SensorModel, twist: Array | None = None) -> Publication:
+    def begin(self, view: View, keyframe: Keyframe, sensor: SensorModel, twist: Array | None = None) -> PublishedPose:
         """Publish the first frame of a segment, which became `keyframe`.
 
         Where its `twist` (6, SI, camera frame) is not known yet, its pose begins odom anew (see `Origin`).
@@ -75,9 +75,9 @@ class PublishedTrajectory:
         frame = LoggedFrame(view.stamp, keyframe.segment, None, keyframe.number, T_middle_stamp, pose[2], twist=twist)
         doubt = Doubt() if self._newest is None else self._newest.doubt.known_again()
         since_start = self._since_start(frame, T_odom_camera, doubt, sensor)
-        return self._keep(Publication(frame, T_odom_camera, since_start, T_middle_stamp, doubt=doubt))
+        return self._keep(PublishedPose(frame, T_odom_camera, since_start, T_middle_stamp, doubt=doubt))
 
-    def advance(self, judged: JudgedFrame, moving: MovingView, sensor: SensorModel) -> Publication:
+    def advance(self, judged: JudgedFrame, moving: MovingView, sensor: SensorModel) -> PublishedPose:
         """Publish a judged frame, whose pose is that at its middle row's time; `moving` is what moves in its view.
 
         The pose is smoothed and carried to the stamp. Since the image's time is known to the clock's sigma only, the
@@ -109,7 +109,7 @@ class PublishedTrajectory:
             twist=motion.twist,
         )
         doubt = self._doubt(T_odom_stamp, judged, moving)
-        current = Publication(
+        current = PublishedPose(
             frame=frame,
             T_odom_camera=T_odom_stamp,
             covariance=self._since_start(frame, T_odom_stamp, doubt, sensor),
@@ -154,7 +154,7 @@ class PublishedTrajectory:
             self._filter = self._filter.moved(odom.move_origin(moved))
         return self._filter.motion
 
-    def _with_motions(self, current: Publication, judged: JudgedFrame, sensor: SensorModel) -> Publication:
+    def _with_motions(self, current: PublishedPose, judged: JudgedFrame, sensor: SensorModel) -> PublishedPose:
         """Return a publication with the motions since the frame before and over a second, None where not known.
 
         None is published since a pose that was only predicted: this one may have proved it wrong.
@@ -168,7 +168,7 @@ class PublishedTrajectory:
             second = self._motion_since(then, current, inliers, sensor)
         return replace(current, step=step, second=second)
 
-    def bridge(self, view: View, since_s: float, sensor: SensorModel) -> Publication:
+    def bridge(self, view: View, since_s: float, sensor: SensorModel) -> PublishedPose:
         """Publish what the filtered motion predicts for a frame that could not be tracked, `since_s` after the last."""
         last = self._recent.last
         assert last is not None
@@ -186,7 +186,7 @@ class PublishedTrajectory:
         doubt = last.doubt.after(step, None, (view.stamp - last.frame.stamp) * 1e-9)
         return self._publish(frame, predicted.T_fixed_camera, doubt, sensor, is_predicted=True)
 
-    def follow(self, view: View, placed: PosedFrame, following: SurfaceFollowing, sensor: SensorModel) -> Publication:
+    def follow(self, view: View, placed: PosedFrame, following: SurfaceFollowing, sensor: SensorModel) -> PublishedPose:
         """Publish where surfaces have led the camera since the frame of `placed`, the last that landmarks placed."""
         reference = self._map.keyframes[placed.reference]
         T_map_camera = placed.T_map_camera @ following.T_placed_after(view.since_middle_s(sensor.timing))
@@ -200,24 +200,24 @@ class PublishedTrajectory:
 
     def _publish(
         self, frame: LoggedFrame, T_odom_camera: Array, doubt: Doubt, sensor: SensorModel, is_predicted: bool = False
-    ) -> Publication:
+    ) -> PublishedPose:
         """Log and publish a frame that landmarks did not place; no motions are published to it."""
         self.log.append(frame)
         since_start = self._since_start(frame, T_odom_camera, doubt, sensor)
-        return self._keep(Publication(frame, T_odom_camera, since_start, doubt=doubt, is_predicted=is_predicted))
+        return self._keep(PublishedPose(frame, T_odom_camera, since_start, doubt=doubt, is_predicted=is_predicted))
 
     def lose(self, stamp: Stamp, segment: int) -> None:
         """Log a frame without a pose; no motion is published over it."""
         self.log.append(LoggedFrame(stamp, segment))
         self._recent.clear()
 
-    def _keep(self, current: Publication) -> Publication:
+    def _keep(self, current: PublishedPose) -> PublishedPose:
         self._recent.append(current)
         self._newest = current
         return current
 
     def _motion_since(
-        self, earlier: Publication, current: Publication, inliers: int, sensor: SensorModel
+        self, earlier: PublishedPose, current: PublishedPose, inliers: int, sensor: SensorModel
     ) -> RelativePose | None:
         T_earlier_current = se3.inverse(earlier.T_odom_camera) @ current.T_odom_camera
         now = current.frame, T_earlier_current, current.doubt

@@ -11,7 +11,7 @@ from odom.geometry.arrays import Array
 
 
 @dataclass(frozen=True, eq=False)
-class Publication:
+class PublishedPose:
     """The `frame` at the stamp itself, its published pose `T_odom_camera`, and the motions since earlier frames.
 
     `covariance` (6 x 6, `se3`, camera frame) is that of the pose since its segment began. `T_middle_stamp` is the

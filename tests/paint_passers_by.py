@@ -12,7 +12,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from odom import Camera, RgbdRecording, Trajectory, read_recording
-from odom.evaluation.painter import Painter, anchor_before_camera, anchor_in_world
+from odom.evaluation.painter import Painter, anchor_in_world
 from odom.evaluation.passers_by import nearer_than, passers_by
 from odom.frontend.camera.lens import Lens
 from sensors.calibration_file import TUM_DEPTH_SCALE
@@ -89,7 +89,7 @@ def main() -> None:
             recording.camera, distance, count=given.count, share=given.share, speed_m_s=given.speed, seed=given.seed
         ),
         first[0].stamp,
-        anchor_in_world(camera_truth) if in_world and camera_truth is not None else anchor_before_camera,
+        anchor_in_world(camera_truth) if in_world and camera_truth is not None else lambda stamp: np.eye(4),
         Lens.of(recording.camera),
         given.seed,
     )

@@ -167,3 +167,8 @@ def tilted(frame: RgbdFrame, angles: Array) -> RgbdFrame:
     """Return a frame of the SMALL camera as it is where depth has a tilt by `angles` (2, rad; see `depth_tilt`)."""
     more = 1.0 + Lens.of(SMALL).rays.astype(np.float64) @ angles
     return replace(frame, depth_mm=np.rint(frame.depth_mm * more).astype(np.uint16))
+
+
+def anchor_before_camera(stamp: Stamp) -> Array:
+    """Return T_camera_anchor of bodies that the camera carries along (see `Painter`)."""
+    return np.eye(4)

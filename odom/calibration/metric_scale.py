@@ -48,5 +48,5 @@ def _motions(whole: Trajectory, apart_s: float) -> list[PairMotion]:
         later = int(np.searchsorted(whole.stamps, whole.stamps[earlier] + round(apart_s * 1e9)))
         if later < len(whole):
             T = se3.inverse(whole.T_world_body[later]) @ whole.T_world_body[earlier]
-            motions.append(PairMotion(earlier, later, T, nothing, none, nothing, none, 1.0, apart_s))
+            motions.append(PairMotion(earlier, later, T, nothing, none, nothing, none, apart_s))
     return motions

@@ -180,8 +180,3 @@ def anchor_at_rest(path: Trajectory) -> Callable[[Stamp], Array]:
 def _pose_near(path: Trajectory, stamp: Stamp) -> Array:
     """Return the pose (4 x 4) at a stamp, before the path's first pose that one, and after its last one that."""
     return np.asarray(path.at(np.clip([stamp], path.stamps[0], path.stamps[-1]), np.inf)[0][0])
-
-
-def anchor_before_camera(stamp: Stamp) -> Array:
-    """Return T_camera_anchor of bodies that the camera carries along: for recordings without truth."""
-    return np.eye(4)

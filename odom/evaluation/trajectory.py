@@ -12,7 +12,6 @@ from odom.frame import Stamp
 from odom.frame.brief import brief
 from odom.geometry.arrays import Array, Mask
 from odom.geometry.rotations import matrices_of_vectors, vectors_of
-from odom.geometry.se3 import inverses
 
 if TYPE_CHECKING:
     from odom.backend import TrajectoryPose
@@ -199,7 +198,3 @@ def nearest(stamps: Stamps, goals: Stamps) -> NDArray[np.intp]:
     """Return the index of the nearest of at least two increasing stamps to each goal; the later one of equally near."""
     right = np.clip(np.searchsorted(stamps, goals), 1, len(stamps) - 1)
     return np.where(goals - stamps[right - 1] < stamps[right] - goals, right - 1, right)
-
-
-inverse_all = inverses
-"""The name by which `odom.viewer` imports it from here."""

@@ -86,12 +86,10 @@ def plot(
     final, online = _turned(final, R_drawn_world), _turned(online, R_drawn_world) if online else None
     load_drawing()
     from matplotlib import rc_context
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
     with rc_context(_STYLE):
         figure = Figure(figsize=(11.7, 8.3), dpi=150)
-        FigureCanvasAgg(figure)
         bottom = _SHEET["bottom"] + (_REMARKS if remarks else 0.0) + _REMARK * len(remarks)
         grid = figure.add_gridspec(6, 2, width_ratios=(1.0, 1.15), **(_SHEET | {"bottom": bottom}))
         _draw_views(figure.add_subplot(grid[:3, 0]), figure.add_subplot(grid[3:, 0]), final, online)

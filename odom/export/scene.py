@@ -39,7 +39,6 @@ class Scene:
     `edges` are the registrations among the key frames, numbered as in `keyframes`.
     """
 
-    camera: Camera
     timing: ShutterTiming
     trajectory: Trajectory
     keyframes: tuple[SceneKeyframe, ...]
@@ -108,4 +107,4 @@ def scene_of(camera: Camera, timing: ShutterTiming, poses: Iterable[TrajectoryPo
     )
     points = map_.landmarks.position[rows].copy()
     trajectory = replace(Trajectory.of(pose for pose in found if pose.segment == segment), segment=None)
-    return Scene(camera, timing, trajectory, tuple(keyframes), points, edges)
+    return Scene(timing, trajectory, tuple(keyframes), points, edges)

@@ -11,14 +11,19 @@ from odom.backend.odometry.segmentation import Segmenter
 from odom.errors import InputError
 from odom.export.rectify import Rectifier
 from odom.export.scene import Scene, SceneKeyframe, scene_of
-from odom.export.selection import carried, sharpest, sharpness
+from odom.export.selection import sharpest, sharpness
 from odom.frame import Camera, RgbdFrame, Stamp, corrected_depth
+from odom.frontend.features.image_scale import scale_of
 from odom.frontend.features.images import grey_of
+from odom.frontend.matching.optical_flow import follow_there_and_back
 from odom.geometry import se3
 from odom.geometry.arrays import Array, Image, Index
 from odom.rgbd_recording import RgbdRecording
 
 Progress = Callable[[int], None]
+
+_THERE_AND_BACK_PX = 0.5
+"""A landmark that does not come back to where it was within this was not found in a neighbour."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,7 +125,8 @@ def _view(
     uv, landmarks = keyframe.uv, keyframe.landmarks
     T = keyframe.T_map_camera if own is best else scene.pose_of_color(best.stamp)
     if own is not best:
-        uv, is_found = carried(uv, grey_of(own.color), grey_of(best.color))
+        images = grey_of(own.color), grey_of(best.color)
+        uv, is_found = follow_there_and_back(*images, uv, uv, _THERE_AND_BACK_PX, 1.0 / scale_of(camera))
         uv, landmarks = uv[is_found], landmarks[is_found]
     twist = scene.twist_of_color(best.stamp)
     depth_mm = corrected_depth(best.depth_mm, camera.depth)

@@ -50,13 +50,12 @@ sixteen walks in the arena and of fr1, 2.5 in halves of a walk of 4 s; 2.8 and m
 
 @dataclass(frozen=True, eq=False)
 class Walk:
-    """One recording, run with a camera: its own calibration, survey, final trajectory, truth by body, share tracked."""
+    """One recording, run with a camera: its own calibration, survey, final trajectory, truth by body."""
 
     recorded: Camera
     survey: Survey
     trajectory: Trajectory
     truth: Mapping[str, Trajectory]
-    tracked: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,7 +169,7 @@ def walk(
         )
     trajectory = Trajectory.of(odometry.finish())
     bodies = {body: Trajectory.by_stamp(poses) for body, poses in truth.items()}
-    return Walk(recorded, survey_of(odometry), trajectory, bodies, tracked / frames)
+    return Walk(recorded, survey_of(odometry), trajectory, bodies)
 
 
 def _scale(walks: Sequence[Walk]) -> ScaleFit | None:

@@ -8,9 +8,9 @@ import rerun as rr
 from numpy.typing import NDArray
 
 from odom.evaluation import Trajectory
-from odom.evaluation.trajectory import inverse_all
 from odom.frame import Stamp
 from odom.geometry.arrays import Array
+from odom.geometry.se3 import inverses
 from odom.viewer import entities, palette
 from odom.viewer.bounded_trajectory import BoundedTrajectory
 from odom.viewer.claimed_covariances import ClaimedCovariances
@@ -127,7 +127,7 @@ class MapScene:
         T_odom, valid = online.at(stamps, _MAX_GAP_S)
         if not valid.any():
             return trajectory(self._keyframes)
-        correction = T_map[valid] @ inverse_all(T_odom[valid])
+        correction = T_map[valid] @ inverses(T_odom[valid])
         before = np.clip(np.searchsorted(stamps[valid], online.stamps, side="right") - 1, 0, None)
         number = {name: i for i, name in enumerate(["", *self._others()])}
         part = np.array([number[self._part_of[pose.stamp]] for pose in self._keyframes])[valid][before]

@@ -15,7 +15,6 @@ from odom.evaluation import Trajectory, align
 from odom.evaluation.metrics import rmse
 from odom.evaluation.mocap_calibration import Calibration, calibrate
 from odom.evaluation.pose_alignment import PoseAlignment, PoseErrors, align_poses, align_poses_alike
-from odom.evaluation.trajectory import inverse_all
 from odom.evaluation.truth_noise import truth_noise
 from odom.frame import Stamp
 from odom.geometry import se3
@@ -202,7 +201,7 @@ class Comparison:
         if not valid.any():
             return
         T = np.array([entry[1] for entry in judged])
-        E = inverse_all(T) @ np.where(valid[:, None, None], T_true, np.eye(4))
+        E = se3.inverses(T) @ np.where(valid[:, None, None], T_true, np.eye(4))
         metres = np.linalg.norm(E[:, :3, 3], axis=1)
         degrees = np.degrees(angles_of(E[:, :3, :3]))
         for entry, ok, m, deg in zip(judged, valid, metres, degrees, strict=True):

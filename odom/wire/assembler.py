@@ -30,7 +30,7 @@ class FrameAssembler:
         self.malformed = MalformedCounter() if malformed is None else malformed
         self._topics = topics
         self._grey = grey
-        self._pairer: Pairer[Image, Depth] = Pairer(singles=True)
+        self._pairer: Pairer[Image, Depth] = Pairer()
         self.pairing = self._pairer.counters
         self._sequence = 0
 

@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 from typing import Generic, TypeVar
 
 from odom.frame import Stamp
-from odom.wire.image_counts import BACKWARD, DUPLICATE, NO_COLOR, NO_DEPTH, SET_BACK, STRAY, ImageCounts
+from odom.wire.image_counts import BACKWARD, DUPLICATE, NO_COLOR, SET_BACK, STRAY, ImageCounts
 
 C = TypeVar("C")
 D = TypeVar("D")
@@ -44,7 +44,7 @@ def follows(stamp: Stamp, before: Stamp) -> bool:
 class Pair(Generic[C, D]):
     """A colour and a depth image that belong together.
 
-    `depth` is None for a colour image that stayed single, where those are asked for; `depth_stamp` is then its own.
+    `depth` is None for a colour image that stayed single; `depth_stamp` is then its own.
     """
 
     color_stamp: Stamp
@@ -57,7 +57,7 @@ class Pair(Generic[C, D]):
 class PairingCounters:
     """What became of the images of both streams, how many came out in pairs, and how often the stamps leapt.
 
-    `color_single` counts the colour images that came out alone, or would have if they had been asked for.
+    `color_single` counts the colour images that came out alone.
     """
 
     color: ImageCounts = field(default_factory=ImageCounts)
@@ -142,13 +142,12 @@ class _ImageStream(Generic[T]):
 class Pairer(Generic[C, D]):
     """Pairs two streams of images; `counters` say what became of them.
 
-    With `singles`, a colour image that has no depth image is returned too, in its place. Beyond `capacity` waiting
-    images of a stream, 32 or about one second, the oldest are given up.
+    A colour image that has no depth image is returned too, in its place. Beyond `capacity` waiting images of a stream,
+    32 or about one second, the oldest are given up.
     """
 
-    def __init__(self, capacity: int = 32, singles: bool = False) -> None:
+    def __init__(self, capacity: int = 32) -> None:
         self.counters = PairingCounters()
-        self._singles = singles
         self._capacity = capacity
         self._color: _ImageStream[C] = _ImageStream(self.counters.color)
         self._depth: _ImageStream[D] = _ImageStream(self.counters.depth)
@@ -207,16 +206,13 @@ class Pairer(Generic[C, D]):
         return pairs
 
     def _leave_single(self, stream: _ImageStream[C] | _ImageStream[D], pairs: list[Pair[C, D]]) -> None:
-        """Give up the oldest waiting image of a stream; a colour image is returned alone, if asked for."""
+        """Give up the oldest waiting image of a stream; a colour image is returned alone."""
         if stream is not self._color:
             stream.drop(NO_COLOR)
             return
         self.counters.color_single += 1
-        if self._singles:
-            color = self._color.take()
-            pairs.append(Pair(color.stamp, color.item, color.stamp, None))
-        else:
-            stream.drop(NO_DEPTH)
+        color = self._color.take()
+        pairs.append(Pair(color.stamp, color.item, color.stamp, None))
 
     def _give_up_what_waits_from_before_a_leap_back(self) -> None:
         for leapt in (self._color, self._depth):

@@ -67,14 +67,12 @@ class Body:
 
 @dataclass(frozen=True)
 class Frame:
-    """One frame: `exposed`, `received` and `sent` are ticks of the server's clock (middle of exposure; 0 unknown)."""
+    """One frame: `exposed` (middle of exposure) and `received` are ticks of the server's clock (0 unknown)."""
 
     number: int
     bodies: tuple[Body, ...]
-    seconds: float
     exposed: int
     received: int
-    sent: int
     models_changed: bool
 
 
@@ -228,12 +226,12 @@ def read_frame(payload: bytes, version: Version) -> Frame:
     bodies = tuple(_body(reader) for _ in range(count))
     form = _TAIL_41 if sized else _TAIL_30
     reader.at = max(reader.at, len(payload) - form.size)
-    _, _, seconds, exposed, received, sent, *_, flags, end = reader.take(form)
+    _, _, _, exposed, received, sent, *_, flags, end = reader.take(form)
     if end != 0:
         raise WireError("NatNet frame does not end where it should")
     if exposed and not exposed <= received <= sent:
         raise WireError("NatNet frame was sent before it was taken")
-    return Frame(number, bodies, seconds, int(exposed), int(received), int(sent), bool(int(flags) & 2))
+    return Frame(number, bodies, int(exposed), int(received), bool(int(flags) & 2))
 
 
 def _body(reader: _Reader) -> Body:

@@ -6,10 +6,10 @@ import cv2
 import numpy as np
 import pytest
 from drawn import frame
-from painted_room import SMALL, START, PaintedRoom, stroll
+from painted_room import SMALL, START, PaintedRoom, anchor_before_camera, stroll
 
 from odom import Camera, Odometry, Trajectory, read_recording
-from odom.evaluation.painter import Painter, anchor_before_camera
+from odom.evaluation.painter import Painter
 from odom.evaluation.passers_by import passers_by
 from odom.evaluation.robustness.verdict import Verdict, verdict
 from odom.export.scene import scene_of

@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
-from painted_room import PERIOD, SMALL, START, PaintedRoom, stroll
+from painted_room import PERIOD, SMALL, START, PaintedRoom, anchor_before_camera, stroll
 from sensor_models import sensor_model, view_of
 
 from odom.backend.map.map import Map
@@ -12,7 +12,7 @@ from odom.backend.odometry.lost_views import LostViews
 from odom.backend.odometry.tuning import TUNING
 from odom.backend.settings import OdometrySettings
 from odom.backend.tracking.scene_motion import scene_motion
-from odom.evaluation.painter import Painter, anchor_before_camera
+from odom.evaluation.painter import Painter
 from odom.evaluation.passers_by import PasserBy, passers_by
 from odom.frame import RgbdFrame
 from odom.frontend.camera.lens import Lens

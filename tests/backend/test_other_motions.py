@@ -7,7 +7,7 @@ from typing import Any, cast
 import numpy as np
 import pytest
 from made_up_scene import chain_of_keyframes, exact, project
-from painted_room import PERIOD, SMALL, START, PaintedRoom, stroll
+from painted_room import PERIOD, SMALL, START, PaintedRoom, anchor_before_camera, stroll
 from sensor_models import sensor_model, view_of
 
 from odom.backend import Odometry
@@ -15,7 +15,7 @@ from odom.backend.mapping.standing import RecentViews
 from odom.backend.tracking.corner_flow import DepthlessCorners, FollowedCorners
 from odom.backend.tracking.other_motions import OtherMotion, WhatElseMoves, other_motions, what_else_moves
 from odom.backend.tracking.posed_frame import PosedFrame
-from odom.evaluation.painter import Painter, anchor_before_camera
+from odom.evaluation.painter import Painter
 from odom.evaluation.passers_by import passers_by
 from odom.frame import RgbdFrame
 from odom.frontend.camera.lens import Lens

@@ -9,7 +9,13 @@ from xxhash import xxh3_128_digest
 
 from odom.evaluation.diagnosis import depth, edges, image, tracks
 
-_MEASURES = ((tracks, "_track"), (tracks, "_corners"), (edges, "_gradients"), (image, "blur"), (depth, "noise_ratio"))
+_MEASURES = (
+    (tracks, "follow_there_and_back"),
+    (tracks, "_corners"),
+    (edges, "_gradients"),
+    (image, "blur"),
+    (depth, "noise_ratio"),
+)
 """Functions of arrays alone, which take most of the doctor's time."""
 
 

@@ -50,7 +50,7 @@ def test_relief_is_not_taken_for_noise() -> None:
 
 
 def test_no_focal_length_is_given_by_a_wrong_centre() -> None:
-    found = judge_intrinsics(replace(CAMERA, cx=180.0), FocalFit(np.ones(2) * 0.9, np.ones(2) * 0.02, 30), True)
+    found = judge_intrinsics(replace(CAMERA, cx=180.0), FocalFit(np.ones(2) * 0.9, np.ones(2) * 0.02), True)
     assert found.verdict is Verdict.BAD
     assert "±" not in found.value
     assert "centre 180" in found.value

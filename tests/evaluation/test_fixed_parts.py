@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 from carrier import carried, carrier_mask
-from painted_room import SMALL, PaintedRoom, stroll
+from painted_room import SMALL, PaintedRoom, anchor_before_camera, stroll
 
 from odom import read_recording
 from odom.evaluation.diagnosis import Verdict
 from odom.evaluation.diagnosis.fixed_parts import fixed_parts, judge_fixed_parts
-from odom.evaluation.painter import Painter, anchor_before_camera
+from odom.evaluation.painter import Painter
 from odom.evaluation.passers_by import passers_by
 from odom.frontend.camera.lens import Lens
 

@@ -2,9 +2,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from painted_room import anchor_before_camera
 
 from odom import Camera, InputError, RgbdFrame, Trajectory
-from odom.evaluation.painter import Painter, anchor_at_rest, anchor_before_camera, anchor_in_world, seen
+from odom.evaluation.painter import Painter, anchor_at_rest, anchor_in_world, seen
 from odom.evaluation.passers_by import passers_by
 from odom.frontend.camera.lens import Lens
 from odom.frontend.camera.rolling_shutter import ShutterTiming

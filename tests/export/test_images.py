@@ -10,11 +10,12 @@ from room_survey import EVERY, ROOM, RoomRecording, exact_survey
 
 from odom.export.cloud import VoxelCloud
 from odom.export.rectify import Rectifier, pinhole_of
-from odom.export.selection import carried, sharpest, sharpness
+from odom.export.selection import sharpest, sharpness
 from odom.export.surface import surface_depth
 from odom.export.views import views
 from odom.frame import Camera
 from odom.frontend.camera.rolling_shutter import ShutterTiming
+from odom.frontend.matching.optical_flow import follow_there_and_back
 from odom.geometry import se3
 
 DISTORTED = replace(SMALL, distortion=(0.1, -0.15, 0.001, -0.002, 0.05))
@@ -48,10 +49,11 @@ def test_points_are_carried_to_where_they_are_in_the_neighbour():
     grey, other = (ROOM.render(SMALL, stroll(k / 30))[0] for k in (2 * EVERY, 2 * EVERY + 1))
     there = se3.apply(se3.inverse(stroll((2 * EVERY + 1) / 30)), survey.scene.points[keyframe.landmarks])
     expected = there[:, :2] / there[:, 2:] * [SMALL.fx, SMALL.fy] + [SMALL.cx, SMALL.cy]
-    uv, found = carried(keyframe.uv, grey, other)
+    uv, found = follow_there_and_back(grey, other, keyframe.uv, keyframe.uv, 0.5, 1.0)
     assert found.mean() > 0.8
     assert np.median(np.linalg.norm(uv - expected, axis=1)[found]) < 0.1
-    assert carried(np.zeros((0, 2)), grey, other)[0].shape == (0, 2)
+    none = np.zeros((0, 2))
+    assert follow_there_and_back(grey, other, none, none, 0.5, 1.0)[0].shape == (0, 2)
 
 
 def test_a_sharper_neighbour_stands_for_its_key_frame_with_its_own_pose():

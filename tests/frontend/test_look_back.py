@@ -1,10 +1,10 @@
 """Corners looked for in an earlier view: what stood still, what moved, and what could not be seen."""
 
 import numpy as np
-from painted_room import PERIOD, SMALL, START, PaintedRoom, stroll
+from painted_room import PERIOD, SMALL, START, PaintedRoom, anchor_before_camera, stroll
 from sensor_models import sensor_model, view_of
 
-from odom.evaluation.painter import Painter, anchor_before_camera
+from odom.evaluation.painter import Painter
 from odom.evaluation.passers_by import passers_by
 from odom.frame import RgbdFrame
 from odom.frontend.camera.lens import Lens

@@ -17,7 +17,7 @@ from odom.frontend.features.lens_change import LensChange
 from odom.frontend.features.measurement import measure, measure_exactly, points_of
 from odom.frontend.features.patches import RADIUS, cut_patches
 from odom.frontend.features.view import View
-from odom.frontend.matching.landmark_search import Candidates, find_landmarks
+from odom.frontend.matching.landmark_search import Candidates, LandmarkPatches, find_landmarks
 from odom.geometry import se3
 from odom.geometry.arrays import Array, Image, Index, Mask
 from odom.geometry.numbered import places_of
@@ -47,11 +47,6 @@ class OwnCorners:
         none, side = np.zeros(0, dtype=np.int64), 2 * RADIUS + 1
         patches = np.zeros((0, side, side), dtype=np.uint8)
         return cls(none, np.zeros((0, 3)), none, np.zeros((0, 2)), np.zeros((0, 3)), patches, none, np.zeros((0, 4, 4)))
-
-    @property
-    def patch_half(self) -> Image:
-        """Unused: the corners are searched only near where they are expected, not in the half-size image."""
-        return self.patch_full
 
     def __len__(self) -> int:
         return len(self.names)
@@ -90,7 +85,9 @@ class OwnCorners:
             return NamedFeatures.nothing()
         T_camera_keyframe = T_camera_chain @ self.T_chain_keyframe
         candidates = Candidates.all_of(np.arange(n), np.arange(len(T_camera_keyframe)), T_camera_keyframe)
-        found = find_landmarks(self, candidates, T_camera_chain, twist, view.images, sensor, n, is_near=True)
+        none = self.patch_full[:0]  # so near to where they are expected the half-size image is not searched
+        patches = LandmarkPatches(self.position, self.keyframe, self.uv, self.plane, self.patch_full, none)
+        found = find_landmarks(patches, candidates, T_camera_chain, twist, view.images, sensor, n, is_near=True)
         covariance_uv = found.covariance_uv * TRACKING.image_noise**2
         measured = measure(view, sensor, found.uv, covariance_uv, twist, found.inverse_depth)
         return NamedFeatures(self.names[found.rows], found.uv, measured)

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from odom.backend.map.tuning import TUNING
 from odom.frontend.features.patches import RADIUS
+from odom.frontend.matching.landmark_search import LandmarkPatches
 from odom.geometry.arrays import Array, Index, Mask
 
 _SIDE = 2 * RADIUS + 1
@@ -98,6 +99,11 @@ class Landmarks:
             self.next_identity += n
         self.identity[rows] = identity
         return rows
+
+    @property
+    def patches(self) -> LandmarkPatches:
+        """What is needed to look for them in an image."""
+        return LandmarkPatches(self.position, self.keyframe, self.uv, self.plane, self.patch_full, self.patch_half)
 
     def is_vague(self, rows: Index) -> Mask:
         """Return of which landmarks (n) the depth is hardly known: it was assumed, and no parallax has shown it yet."""

@@ -117,11 +117,8 @@ def _refined(
             interaction_matrix(x, y, w, J)
             for a in range(6):
                 g[a] += weight * (J[0, a] * rx + J[1, a] * ry)
-                for b in range(a, 6):
+                for b in range(a + 1):
                     H[a, b] += weight * (J[0, a] * J[0, b] + J[1, a] * J[1, b])
-        for a in range(6):
-            for b in range(a):
-                H[a, b] = H[b, a]
         step = solve_definite(H, g)
         if not is_shorter(step, _LARGEST_STEP):
             return T, False

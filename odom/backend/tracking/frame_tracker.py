@@ -72,7 +72,9 @@ class FrameTracker:
         """
         L, expected = self._map.landmarks, None if prior is None else prior.expected_pose
         candidates = self._candidates(local, T_start, is_recognition=expected is None)
-        in_view = find_landmarks(L, candidates, T_start, twist, view.images, sensor, self._settings.max_features)
+        in_view = find_landmarks(
+            L.patches, candidates, T_start, twist, view.images, sensor, self._settings.max_features
+        )
         if view.may_move is not None:
             in_view = in_view.take(np.flatnonzero(view.stands(in_view.uv)))
         landmarks = FoundLandmarks.of(view, sensor, in_view, L)

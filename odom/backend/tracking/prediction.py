@@ -177,7 +177,7 @@ def _search(
     keyframes = distinct(landmarks.keyframe[rows])
     candidates = Candidates.all_of(rows, keyframes, keyframe_poses(map_, keyframes, T_predicted))
     twist = last.twist_to(T_predicted, since_s)
-    found = find_coarsely(landmarks, candidates, T_predicted, twist, images, sensor)
+    found = find_coarsely(landmarks.patches, candidates, T_predicted, twist, images, sensor)
     return _Followed.at(landmarks, last, since_s, sensor, found)
 
 

@@ -13,9 +13,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from odom.evaluation.diagnosis.image import grey
 from odom.evaluation.diagnosis.motion import PairMotion
 from odom.frame import Camera, RgbdFrame
+from odom.frontend.features.images import grey_of
 from odom.geometry import se3
 from odom.geometry.arrays import Array, Image
 from odom.geometry.normal_distribution import NORMAL_MAD
@@ -111,7 +111,7 @@ def edge_shift(frames: Sequence[RgbdFrame], motions: Sequence[PairMotion | None]
         velocity = _velocity(edges, motion, camera)
         apart = (frame.stamp - frame.depth_stamp) * 1e-9  # the edges are moved to colour's time by the stamps
         which.append(np.full(len(edges.uv), len(strengths)))
-        strengths.append(_gradients(grey(frame)))
+        strengths.append(_gradients(grey_of(frame.color)))
         positions.append(edges.uv + apart * velocity)
         velocities.append(velocity)
         axes.append(edges.axis)

@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 
 from odom.evaluation.diagnosis.finding import Finding, Verdict
+from odom.frontend.features.images import grey_of
 from odom.geometry.arrays import Array, Image, Mask
 
 _WIDTH_PX = 160
@@ -121,7 +122,7 @@ def judge_fixed_parts(images: Sequence[Image], mask: Mask | None = None) -> Find
 
 def _texture(image: Image) -> Array:
     """Return a grey, reduced image less its mean around each place."""
-    grey = image if image.ndim == 2 else cv2.cvtColor(np.ascontiguousarray(image), cv2.COLOR_RGB2GRAY)
+    grey = grey_of(np.ascontiguousarray(image))
     size = _WIDTH_PX, max(1, round(grey.shape[0] * _WIDTH_PX / grey.shape[1]))
     small = cv2.resize(grey, size, interpolation=cv2.INTER_AREA).astype(np.float64)
     return np.asarray(small - _around(small))

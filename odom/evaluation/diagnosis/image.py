@@ -50,12 +50,7 @@ def judge_exposure(frames: Sequence[RgbdFrame]) -> Finding:
 
 def judge_blur(frames: Sequence[RgbdFrame]) -> Finding:
     """Judge the sharpness; the worst tenth tells of motion blur."""
-    values = np.array([blur(grey(frame)) for frame in frames])
+    values = np.array([blur(grey_of(frame.color)) for frame in frames])
     value = f"{np.median(values):.2f} (0 sharp, 1 flat), worst tenth {np.quantile(values, 0.9):.2f}"
     advice = "images are blurred: clean or focus the lens, turn on more light (shorter exposure), move slower"
     return Finding.judged("sharpness", value, float(np.median(values)) > _TOO_BLURRED, advice)
-
-
-def grey(frame: RgbdFrame) -> Image:
-    """Return the frame's colour image in grey."""
-    return grey_of(frame.color)

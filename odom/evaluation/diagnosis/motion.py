@@ -51,8 +51,7 @@ half the recording. On fr1_xyz from 9 s on, ten groups alone claim 4 % where the
 class PairMotion:
     """Motion of the camera between two frames: `T_later_earlier` maps points.
 
-    `rays_*` (n x 2) and `depth_*` (n, m) are the corners seen in both; `inliers` is the share of them that fits and
-    `seconds` the time between the frames.
+    `rays_*` (n x 2) and `depth_*` (n, m) are the corners seen in both, `seconds` is the time between the frames.
     """
 
     earlier: int
@@ -62,7 +61,6 @@ class PairMotion:
     depth_earlier: Array
     rays_later: Array
     depth_later: Array
-    inliers: float
     seconds: float = 0.0
 
 
@@ -72,7 +70,6 @@ class FocalFit:
 
     ratio: Array
     sigma: Array
-    pairs: int
 
 
 def pair_motion(tracks: Sequence[Tracks], earlier: int, later: int, focal_px: Array) -> PairMotion | None:
@@ -88,15 +85,14 @@ def pair_motion(tracks: Sequence[Tracks], earlier: int, later: int, focal_px: Ar
         return None
     rays_a, rays_b, z_a, z_b = a.rays[in_a][good], b.rays[in_b][good], z_a[good], z_b[good]
     start = _robust_start(_points(rays_a, z_a), _points(rays_b, z_b))
-    motion = PairMotion(earlier, later, start, rays_a, z_a, rays_b, z_b, 0.0)
+    motion = PairMotion(earlier, later, start, rays_a, z_a, rays_b, z_b)
     for _ in range(_PAIR_ITERATIONS):
         H, g, weights = _normal_equations(motion, np.zeros(2), focal_px)
         step = np.asarray(np.linalg.solve(_damped(H), g[:6]), dtype=np.float64)
         motion = replace(motion, T_later_earlier=se3.exp(step) @ motion.T_later_earlier)
         if np.abs(step).max() < _CONVERGED:
             break
-    inliers = float((weights > _LEAST_WEIGHT).mean())
-    return replace(motion, inliers=inliers) if inliers > _LEAST_INLIERS else None
+    return motion if float((weights > _LEAST_WEIGHT).mean()) > _LEAST_INLIERS else None
 
 
 def fit_focal(motions: Sequence[PairMotion], focal_px: Array) -> FocalFit | None:
@@ -124,7 +120,7 @@ def fit_focal(motions: Sequence[PairMotion], focal_px: Array) -> FocalFit | None
         ]
     scores = np.array(gradients)
     sigma = np.max([sandwich_sigma(information, scores, min(groups, len(motions))) for groups in _GROUPS], axis=0)
-    return FocalFit(np.exp(a), sigma, len(motions))
+    return FocalFit(np.exp(a), sigma)
 
 
 def _damped(H: Array) -> Array:

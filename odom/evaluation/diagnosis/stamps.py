@@ -35,7 +35,6 @@ class Rhythm:
     frames that should have come by the sensor's period and did not, `longest_s` the longest hole.
     """
 
-    count: int
     rate_hz: float
     period_s: float
     jitter_s: float
@@ -54,7 +53,6 @@ def rhythm(stamps: Stamps) -> Rhythm | None:
     jitter = float(np.median(np.abs(intervals / steps - period)))
     duration = float(intervals.sum())
     return Rhythm(
-        count=len(stamps),
         rate_hz=(len(stamps) - 1) / duration,
         period_s=period,
         jitter_s=jitter,

@@ -7,17 +7,16 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from odom.evaluation.diagnosis.image import grey
 from odom.frame import Camera, RgbdFrame
 from odom.frontend.camera.rays import undistorted
-from odom.geometry.arrays import Array, Image, Mask
+from odom.frontend.features.images import grey_of
+from odom.frontend.matching.optical_flow import follow_there_and_back
+from odom.geometry.arrays import Array, Image
 
 _CORNERS, _REFILL_BELOW = 300, 200
 """Corners are looked for until there are so many, whenever fewer are left: more cost time, fewer cost accuracy."""
 _APART_PX = 12
 """Distance between corners: closer ones say the same twice, a larger distance leaves too few."""
-_WINDOW, _LEVELS = (21, 21), 3
-"""Window (px) and pyramid levels of the optical flow, OpenCV's defaults: less loses fast motion, more blurs edges."""
 _FORWARD_BACKWARD_PX = 0.5
 """A corner followed forth and back must return this closely: a smaller bound loses corners, a larger keeps slips."""
 _SPREAD = 0.03
@@ -26,14 +25,13 @@ _SPREAD = 0.03
 
 @dataclass(frozen=True, eq=False)
 class Tracks:
-    """Corners of one frame: `ids` (n, increasing) and pixels `uv` (n x 2).
+    """Corners of one frame: their `ids` (n, increasing).
 
     `rays` (n x 2) are undistorted x/z and y/z by the given calibration; `depth_m` (n) is NaN where depth is missing or
     has an edge.
     """
 
     ids: NDArray[np.int64]
-    uv: Array
     rays: Array
     depth_m: Array
 
@@ -41,23 +39,23 @@ class Tracks:
 def follow(frames: Sequence[RgbdFrame], camera: Camera) -> list[Tracks]:
     """Return the tracks of every frame; a corner keeps its id as long as optical flow finds it again both ways."""
     previous: Image | None = None
-    ids, uv, fresh = np.zeros(0, dtype=np.int64), np.zeros((0, 2), dtype=np.float32), 0
+    ids, uv, fresh = np.zeros(0, dtype=np.int64), np.zeros((0, 2)), 0
     out = []
     for frame in frames:
-        image = grey(frame)
+        image = grey_of(frame.color)
         if previous is not None and len(uv):
-            kept, uv = _track(previous, image, uv)
-            ids = ids[kept]
+            found, kept = follow_there_and_back(previous, image, uv, uv, _FORWARD_BACKWARD_PX, 1.0)
+            ids, uv = ids[kept], found[kept]
         if len(uv) < _REFILL_BELOW:
             added = _corners(image, uv)
             ids = np.concatenate([ids, np.arange(fresh, fresh + len(added))])
-            uv, fresh = np.vstack([uv, added]).astype(np.float32), fresh + len(added)
-        out.append(Tracks(ids, uv.astype(np.float64), undistorted(camera, uv), depth_at(frame.depth_mm, uv)))
+            uv, fresh = np.vstack([uv, added]), fresh + len(added)
+        out.append(Tracks(ids, undistorted(camera, uv), depth_at(frame.depth_mm, uv)))
         previous = image
     return out
 
 
-def depth_at(depth_mm: NDArray[np.uint16], uv: NDArray[np.floating]) -> Array:
+def depth_at(depth_mm: NDArray[np.uint16], uv: Array) -> Array:
     """Return the median depth (m) of the 5 x 5 pixels around each of n points; NaN where they differ or are missing."""
     height, width = depth_mm.shape
     column, row = np.rint(uv).astype(np.intp).T.reshape(2, -1)
@@ -73,20 +71,9 @@ def depth_at(depth_mm: NDArray[np.uint16], uv: NDArray[np.floating]) -> Array:
     return np.where(good, middle * 1e-3, np.nan)
 
 
-def _track(previous: Image, image: Image, uv: NDArray[np.float32]) -> tuple[Mask, NDArray[np.float32]]:
-    """Return which corners are found again both ways, and where."""
-    there, found, _ = cv2.calcOpticalFlowPyrLK(previous, image, uv, uv.copy(), winSize=_WINDOW, maxLevel=_LEVELS)
-    back, returned, _ = cv2.calcOpticalFlowPyrLK(image, previous, there, uv.copy(), winSize=_WINDOW, maxLevel=_LEVELS)
-    good = (found.ravel() == 1) & (returned.ravel() == 1)
-    good &= np.linalg.norm(back - uv, axis=1) < _FORWARD_BACKWARD_PX
-    height, width = image.shape
-    good &= ((there > 4) & (there < np.array([width - 5, height - 5]))).all(axis=1)
-    return good, np.asarray(there[good], dtype=np.float32)
-
-
-def _corners(image: Image, uv: NDArray[np.float32]) -> NDArray[np.float32]:
+def _corners(image: Image, uv: Array) -> Array:
     mask = np.full(image.shape, 255, dtype=np.uint8)
     for u, v in uv:
         cv2.circle(mask, (round(float(u)), round(float(v))), _APART_PX, 0, -1)
     found = cv2.goodFeaturesToTrack(image, _CORNERS - len(uv), 0.01, _APART_PX, mask=mask)
-    return np.zeros((0, 2), dtype=np.float32) if found is None else np.asarray(found, dtype=np.float32).reshape(-1, 2)
+    return np.zeros((0, 2)) if found is None else np.asarray(found, dtype=np.float64).reshape(-1, 2)

@@ -12,13 +12,11 @@ COLOURS = {"EM-ICP": "#cc79a7", "WICP": "#009e73", "Horn": "#d55e00", "RF": "#00
 
 def plot(table: list[Row], path: Path) -> None:
     """Write the picture of the paper's scenarios to `path`: RMSE above, with the bound; time per registration below."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
     scenarios = list(dict.fromkeys(row.scenario for row in table if row.group == "paper"))
     where = {name: i for i, name in enumerate(scenarios)}
     figure = Figure(figsize=(11.0, 9.0), layout="constrained")
-    FigureCanvasAgg(figure)
     above, below = figure.subplots(2, 1, sharex=True)
     for offset, name in zip(np.linspace(-0.3, 0.3, len(ESTIMATORS)), ESTIMATORS, strict=True):
         chosen = [row for row in table if row.group == "paper" and row.estimator == name]

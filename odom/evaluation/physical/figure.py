@@ -34,12 +34,10 @@ def plot(
     `ellipsoids` see `read_ellipsoids` (empty: not drawn), `scene` is an RGB image, `walks` the camera's true positions
     (n x 3, m) by sensor.
     """
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
     sensors = list(dict.fromkeys(row.sensor for row in table))
     figure = Figure(figsize=(14.0, 13.0), layout="constrained")
-    FigureCanvasAgg(figure)
     halves = figure.subfigures(2, 1, squeeze=False, height_ratios=(1.0, 2.3))
     top, below = halves[0, 0], halves[1, 0]
     first = top.subplots(1, 5, width_ratios=(1.0, 1.0, 1.0, 1.5, 1.2))

@@ -31,7 +31,6 @@ _ROOM = 1.6
 def plot(outcomes: Outcomes, path: Path) -> None:
     """Draw each axis from unspoilt to hard: bars show the shares of frames by state, the line the ATE (logarithmic)."""
     from matplotlib import rc_context
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
     shown = [found for found in outcomes.axes if found.verdicts]
@@ -39,7 +38,6 @@ def plot(outcomes: Outcomes, path: Path) -> None:
     lines = ceil((len(shown) + 1) / columns)
     with rc_context(_STYLE):
         figure = Figure(figsize=(3.4 * columns + 0.6, 2.55 * lines + 0.5), dpi=130, layout="constrained")
-        FigureCanvasAgg(figure)
         panels = np.atleast_1d(figure.subplots(lines, columns)).ravel()
         limits = _limits(outcomes)
         for number, (panel, found) in enumerate(zip(panels, shown, strict=False)):

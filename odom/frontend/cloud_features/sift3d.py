@@ -40,13 +40,9 @@ class KeyPoints:
     colors: Array
     sigmas: Array
 
-    def __len__(self) -> int:
-        return len(self.points)
 
-
-def sift3d(cloud: Cloud, space: ScaleSpace | None = None) -> KeyPoints:
+def sift3d(cloud: Cloud, space: ScaleSpace) -> KeyPoints:
     """Return the key points of a cloud, octave by octave; none where too few points are left."""
-    space = space or ScaleSpace()
     found = []
     sigma_m = space.sigma_m
     for _ in range(space.octaves):

@@ -1,7 +1,6 @@
 """Landmarks found in a frame: chosen among those the predicted pose shows, then their patches aligned."""
 
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,32 +42,21 @@ def _gains(uv: Array, chance: Array, order: Index, squares: int, across: int, ce
     return gain
 
 
-class LandmarkPatches(Protocol):
-    """Landmarks by row, and how key frame `keyframe` saw them."""
+@dataclass(frozen=True, eq=False)
+class LandmarkPatches:
+    """Landmarks by row, and how key frame `keyframe` (n) saw each of them first.
 
-    @property
-    def position(self) -> Array:
-        """Where they are (n x 3, m, map frame)."""
+    `position` (n x 3, m) is in the map frame. In the key frame they are at `uv` (n x 2 px) on the surface `plane`
+    (n x 3: inverse depth and its slope per pixel); `patch_full` and `patch_half` (n x 25 x 25) are the images around
+    them, full and half-size.
+    """
 
-    @property
-    def keyframe(self) -> Index:
-        """The key frame that saw each of them first (n)."""
-
-    @property
-    def uv(self) -> Array:
-        """Where they were seen there (n x 2 px)."""
-
-    @property
-    def plane(self) -> Array:
-        """The surface they lie on there (n x 3): inverse depth and its slope per pixel."""
-
-    @property
-    def patch_full(self) -> Image:
-        """The patches around them (n x 25 x 25)."""
-
-    @property
-    def patch_half(self) -> Image:
-        """The patches around them in the half-size image (n x 25 x 25)."""
+    position: Array
+    keyframe: Index
+    uv: Array
+    plane: Array
+    patch_full: Image
+    patch_half: Image
 
 
 @dataclass(frozen=True, eq=False)

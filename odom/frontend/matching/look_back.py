@@ -14,27 +14,21 @@ from odom.frontend.features.images import FrameImages
 from odom.frontend.features.measurement import Measurements, measure, points_of
 from odom.frontend.features.patches import cut_patches
 from odom.frontend.features.view import View
-from odom.frontend.matching.landmark_search import Candidates, find_landmarks
+from odom.frontend.matching.landmark_search import Candidates, LandmarkPatches, find_landmarks
 from odom.frontend.matching.optical_flow import follow_there_and_back
 from odom.frontend.matching.tuning import TUNING
 from odom.geometry import se3
-from odom.geometry.arrays import Array, Image, Index, Mask
+from odom.geometry.arrays import Array, Index, Mask
 
 
 @dataclass(frozen=True, eq=False)
-class CornerPatches:
+class CornerPatches(LandmarkPatches):
     """Corners of one frame, to be looked for in others: `position` (n x 3, m) is in that frame's camera.
 
-    The other fields are as those of landmarks; `covariance` (n x 3 x 3, m^2) is that of the positions.
+    `covariance` (n x 3 x 3, m^2) is that of the positions.
     """
 
-    position: Array
     covariance: Array
-    keyframe: Index
-    uv: Array
-    plane: Array
-    patch_full: Image
-    patch_half: Image
     images: FrameImages
 
     @classmethod
@@ -43,12 +37,12 @@ class CornerPatches:
         points, covariances = points_of(measured)
         return cls(
             points,
-            covariances,
             np.zeros(len(uv), dtype=np.int64),
             uv,
             np.column_stack([measured.values[:, 2], measured.slope]),
             cut_patches(view.images.full, uv),
             cut_patches(view.images.half, uv / 2.0),
+            covariances,
             view.images,
         )
 

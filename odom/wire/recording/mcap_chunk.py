@@ -8,7 +8,6 @@ import struct
 import zlib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from io import RawIOBase
 from typing import IO, Any, BinaryIO, cast
 
 import numpy as np
@@ -155,12 +154,12 @@ def _unpacked(file: BinaryIO, head: ChunkHead) -> tuple[bytearray, str]:
     return data, ""
 
 
-def _pieces(packed: RawIOBase, compression: str) -> Iterator[bytes]:
+def _pieces(packed: "_Part", compression: str) -> Iterator[bytes]:
     """Yield the unpacked bytes, little at a time, however much they become."""
     if compression == "lz4":
         lz4_frame = lz4.LZ4FrameDecompressor()
         while not lz4_frame.eof:
-            more = (packed.read(_PIECE) or b"") if lz4_frame.needs_input else b""
+            more = packed.read(_PIECE) if lz4_frame.needs_input else b""
             if lz4_frame.needs_input and not more:
                 return
             yield lz4_frame.decompress(more, max_length=_PIECE)
@@ -172,21 +171,17 @@ def _pieces(packed: RawIOBase, compression: str) -> Iterator[bytes]:
         yield piece
 
 
-class _Part(RawIOBase):
+class _Part:
     """The bytes of a file from `begin` to `end`, as a file to be read."""
 
     def __init__(self, file: BinaryIO, begin: int, end: int) -> None:
         self._file, self._at, self._end = file, begin, end
 
-    def readable(self) -> bool:
-        return True
-
-    def readinto(self, buffer: Any) -> int:
+    def read(self, size: int) -> bytes:
         self._file.seek(self._at)
-        part = self._file.read(min(len(buffer), self._end - self._at))
-        buffer[: len(part)] = part
+        part = self._file.read(min(size, self._end - self._at))
         self._at += len(part)
-        return len(part)
+        return part
 
 
 def records_inside(data: memoryview) -> Iterator[tuple[int, memoryview]]:

@@ -264,6 +264,26 @@ def test_a_cloud_is_shown_once_its_place_is_known(path_first: bool) -> None:
     assert not any(item.path == entity for item in [*scene.handle(path), *scene.handle(cloud)])
 
 
+def test_a_run_whose_stamps_go_back_is_shown_on_a_timeline_of_its_own() -> None:
+    """Rerun shows the end of a timeline: on that of the run before it would stand still there."""
+    session, recording, small, images = (MagicMock() for _ in range(4))
+    session.subscriber.side_effect = [small, images]
+    images.receive.return_value = None
+    frames = [
+        [message for message in frame if message.topic == TOPICS.odom]
+        for frame in messages(MadeUp(frames=180, camera=SMALL_CAMERA, images=False), TOPICS)
+    ]
+    deliveries = [Delivery(message) for frame in [*frames, *frames[:2]] for message in frame]
+    small.receive.side_effect = [*deliveries, None]
+    viewer = Viewer(session, TOPICS, ViewerSettings(), recording)
+    viewer.step(lambda: False, repeat=False)
+    named = [call.args[0] for call in recording.set_time.call_args_list]
+    assert list(dict.fromkeys(named)) == ["capture", "capture 2"]
+    assert named.index("capture 2") >= 180
+    (sent,) = recording.send_blueprint.call_args_list
+    assert sent.args[0].time_panel.timeline == "capture 2"
+
+
 def test_going_back_in_time_begins_a_new_run() -> None:
     scene = _scene()
     _play(scene, MadeUp(frames=180, images=False))

@@ -53,8 +53,9 @@ class TruthScene:
         self._comparison.add(stamp, T_map_camera, covariance)
 
     def begin_segment(self, stamp: Stamp) -> None:
-        """Forget the alignment: poses from `stamp` on are in another world."""
+        """Forget the alignment, and poses that wait to be judged by it: those from `stamp` on are in another world."""
         self.fit, self._since = None, stamp
+        self._comparison.forget_before(stamp)
 
     def align(self, corrected: Trajectory, claimed: ClaimedCovariances, calibrates: bool) -> TruthInMap | None:
         """Align truth with the trajectory in the map and return how; None while too little is known."""

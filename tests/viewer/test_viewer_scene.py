@@ -21,7 +21,7 @@ from odom.viewer.keyframe_clouds import KeyframeClouds, back_project
 from odom.viewer.scene import Scene
 from odom.viewer.truth_alignment import in_map
 from odom.viewer.viewer_process import Viewer
-from odom.wire import Message, Topics, codec
+from odom.wire import Message, Topics, codec, truth
 from odom.wire.delivery import Delivery
 
 TOPICS = Topics("cam0")
@@ -162,6 +162,27 @@ def test_errors_are_those_of_the_published_pose(played: tuple[Scene, list[Entity
     assert max(error for error, _ in errors) < 5.0  # millimetres
     bounds = [bound for _, bound in errors]
     assert bounds == sorted(bounds)  # its sigma grows with the frames
+
+
+def test_errors_are_judged_within_one_segment() -> None:
+    """Truth comes later than the poses: those of the segment before wait when the next one begins elsewhere."""
+    T_elsewhere = se3.exp(np.array([2.0, 0.0, 0.0, 0.0, 0.5, 0.0]))
+    scene, drawn = _scene(), []
+    for i in range(180):
+        segment, stamp = int(i >= 90), Stamp(BEGIN + i * PERIOD_NS)
+        T = T_elsewhere @ true_pose(i) if segment else true_pose(i)
+        at = Stamp(stamp - 5 * PERIOD_NS)
+        status = codec.Status(stamp, "odometry", 0, "", {"state": "TRACKING", "segment": str(segment)})
+        for message in (
+            codec.encode_pose(truth("camera"), at, T_WORLD_MAP @ true_pose(i - 5), "world"),
+            codec.encode_odometry(TOPICS.odom, stamp, T, 1e-6 * np.eye(6), "odom", "camera"),
+            codec.encode_pose(TOPICS.pose, stamp, T, "map"),
+            codec.encode_status(TOPICS.status, status),
+        ):
+            drawn += scene.handle(message)
+    errors = {item.stamp: _batch(item, "scalars")[0] for item in drawn if item.path == entities.POSITION_ERROR}
+    assert max(errors) > BEGIN + 150 * PERIOD_NS
+    assert max(errors.values()) < 5.0  # millimetres
 
 
 def test_same_messages_same_picture() -> None:

@@ -146,7 +146,6 @@ class Scene:
             self._begin()
             yield log_line(pose.stamp, INFO, "The time went back: a new run begins")
         self._newest = pose.stamp
-        self._log.frame(pose.stamp)
         yield from self._map.odometry(pose)
         if self._refreshed is None or pose.stamp - self._refreshed >= _REFRESH_NS:
             self._refreshed = pose.stamp
@@ -210,7 +209,7 @@ class Scene:
         if fit := self._truth.align(corrected, self._map.claimed, calibrates):
             yield from self._log.truth(stamp, fit, first=not was_aligned)
         yield from self._truth.lines(stamp)
-        yield self._log.summary(stamp, self._truth.fit, bool(self._truth.trajectories), corrected.length_m)
+        yield self._log.summary(stamp, self._truth.fit, bool(self._truth.trajectories), corrected)
 
     def _errors(self) -> Iterator[EntityUpdate]:
         for error in self._truth.errors():

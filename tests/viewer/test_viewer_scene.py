@@ -221,6 +221,27 @@ def test_a_late_joiner_sees_the_whole_way_from_history_and_path() -> None:
         assert len(points) > 60
 
 
+def test_who_joins_late_is_told_the_time_of_the_whole_way() -> None:
+    scene = _scene()
+    way = [(Stamp(BEGIN + i * PERIOD_NS), true_pose(i)) for i in range(510)]
+    scene.history(codec.encode_path("cam0/history/odom", way[-1][0], way, "odom"))
+    late = [frame for i, frame in enumerate(messages(MadeUp(frames=540, images=False), TOPICS)) if i >= 510]
+    drawn = [item for frame in late for message in frame for item in scene.handle(message)]
+    (text,) = _batch(_last([*drawn, *scene.trajectories()], entities.SUMMARY), "text")
+    assert f" m in {539 * PERIOD_NS * 1e-9:.1f} s" in text
+
+
+def test_the_newest_piece_of_a_line_does_not_lead_over_a_loss() -> None:
+    scene, drawn = _scene(), []
+    for i in [*range(90), *range(105, 110)]:
+        stamp, T = Stamp(BEGIN + i * PERIOD_NS), true_pose(i)
+        drawn += scene.handle(codec.encode_odometry(TOPICS.odom, stamp, T, 1e-6 * np.eye(6), "odom", "camera"))
+        drawn += scene.handle(codec.encode_pose(TOPICS.pose, stamp, T, "map"))
+    for line in (entities.ONLINE, entities.CORRECTED):
+        (tail,) = _batch(_last(drawn, f"{line}/tail"), "strips")
+        assert np.linalg.norm(np.diff(np.array(tail), axis=0), axis=1).max() < 0.05, line
+
+
 def test_memory_is_bounded_and_old_clouds_are_cleared() -> None:
     scene = _scene(path_poses=64, cloud_keyframes=8, loops=10)
     drawn = _play(scene, MadeUp(frames=90, keyframe_every=2, camera=SMALL_CAMERA))

@@ -14,6 +14,7 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 from synthetic import T_BODY_CAMERA, mocap, odometry, smooth, trajectory
 
+from odom.cli.trajectories import frames_of_run
 from odom.errors import InputError
 from odom.evaluation import EvaluationOptions, Trajectory, align, evaluate, run_report, trajectory_plot
 from odom.evaluation.files import write_tum
@@ -242,6 +243,35 @@ def test_the_command_judges_a_run_and_writes_what_it_is_asked_for(run, tmp_path)
     assert "matched        900 / 900" in done.stdout
     assert json.loads(out.read_text())["matched"] == 900
     assert (tmp_path / "p.png").is_file()
+
+
+def test_the_command_counts_the_frames_of_a_run_as_its_report_does(run):
+    lines = (run / "trajectory.txt").read_text().splitlines(keepends=True)
+    (run / "trajectory.txt").write_text("".join(lines[:400]))
+    for report in ({"frames": 900, "tracked": 400}, {"frames": 800, "total": 900}):
+        (run / "report.json").write_text(json.dumps(report))
+        done = odom("eval", run)
+        assert "matched        400 / 900" in done.stdout
+        assert "only 400 of 900 frames" in done.stdout
+    for broken in ("", "[]", "{}", '{"frames": null}'):
+        (run / "report.json").write_text(broken)
+        assert frames_of_run(run) is None
+
+
+def test_the_command_writes_nees_as_the_runs_report_does(run, scene, tmp_path):
+    """Of a truth whose own noise shows: `mean` allows for it, as `nees_mean` does."""
+    rng, true, _, _ = scene
+    stamps = np.arange(true.stamps[0], true.stamps[-1], 8_333_333)
+    noisy, _ = true.at(stamps, 0.1)
+    noisy[:, :3, 3] += rng.normal(0.0, 0.002, (len(noisy), 3))
+    write_tum(run / "truth.txt", Trajectory(stamps, noisy))
+    expected = report_with_truth(run)
+    done = odom("eval", run, "--relative", run / "relative_second.txt", "--json", tmp_path / "figures.json")
+    assert done.returncode == 0, done.stderr
+    found = json.loads((tmp_path / "figures.json").read_text())["nees_relative_second"]
+    assert expected["nees_mean"] < 0.9 * expected["nees_mean_exact_truth"]
+    assert found == pytest.approx({name: expected[f"nees_{name}"] for name in found})
+    assert len(found) == 4
 
 
 def test_relative_poses_of_one_name_in_two_folders_are_both_written(run, tmp_path):

@@ -12,6 +12,7 @@ import pytest
 from matplotlib.figure import Figure
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
+from sheets import sheets_drawn
 from synthetic import T_BODY_CAMERA, mocap, odometry, smooth, trajectory
 
 from odom.cli.trajectories import frames_of_run
@@ -95,9 +96,40 @@ def test_errors_of_an_estimate_that_began_later_are_drawn_at_their_time(scene):
     _, true, estimate, _ = scene
     later = evaluate(estimate.take(np.arange(450, 900)), true)
     axis = Figure().add_subplot()
-    trajectory_plot._draw_error(axis, evaluate(estimate, true), later)
+    trajectory_plot._draw_error(axis, int(estimate.stamps[0]), evaluate(estimate, true), later)
     starts = {line.get_label().split(",")[0]: line.get_xdata()[0] for line in axis.get_lines()}
     assert starts == {"corrected": 0.0, "online": pytest.approx(15.0)}
+
+
+def test_time_counts_from_the_first_pose_of_the_run_in_all_panels(run, scene, monkeypatch):
+    """The part that is judged is the longest: one before it is in the motions over a second alone."""
+    drawn = sheets_drawn(monkeypatch)
+    lines = (run / "trajectory.txt").read_text().splitlines(keepends=True)
+    (run / "trajectory.txt").write_text("".join(["# segment 0\n", *lines[:300], "# segment 1\n", *lines[300:]]))
+    report_with_truth(run)
+    begins = {
+        panel.get_title(loc="left"): min(float(np.nanmin(line.get_xdata())) for line in panel.get_lines())
+        for panel in drawn[0].axes
+        if panel.get_xlabel() == "time, s"
+    }
+    assert begins == {
+        "Distance from truth after alignment": pytest.approx(9.0, abs=0.1),
+        "Drift over one second against the claimed 3 sigma": 0.0,
+    }
+
+
+def test_the_largest_errors_are_in_the_histogram_and_below_the_legend(scene, monkeypatch):
+    _, true, estimate, _ = scene
+    off = estimate.T_world_body.copy()
+    off[400, 0, 3] += 1.0
+    report, axis, counts = evaluate(Trajectory(estimate.stamps, off), true), Figure().add_subplot(), []
+    draw = axis.hist
+    monkeypatch.setattr(axis, "hist", lambda *given, **named: counts.append(draw(*given, **named)[0]))
+    trajectory_plot._draw_histogram(axis, report, report)
+    assert [count.sum() for count in counts] == [900, 900]
+    axis = Figure().add_subplot()
+    trajectory_plot._draw_error(axis, int(estimate.stamps[0]), report, None)
+    assert axis.get_ylim()[1] > 1.2e3 * report.errors_m.max()
 
 
 def test_a_plot_that_cannot_be_written_costs_no_figure_and_is_counted(run):

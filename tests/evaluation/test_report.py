@@ -160,6 +160,14 @@ def test_truth_of_another_time_gives_nulls_and_says_why(run, scene):
     assert "clock" in report["truth_notes"][0]
 
 
+@pytest.mark.parametrize(("poses", "words"), [(1, "only 1 pose:"), (2, "only 2 poses:")])
+def test_an_estimate_of_too_few_poses_is_not_told_to_check_its_clock(scene, poses, words):
+    _, true, estimate, _ = scene
+    with pytest.raises(InputError, match=words) as refused:
+        evaluate(estimate.take(np.arange(poses)), true)
+    assert "clock" not in str(refused.value)
+
+
 def rewritten(path: Path, columns: list[int]) -> None:
     """Write a TUM file with its columns in another order."""
     lines = [line.split() for line in path.read_text().splitlines() if not line.startswith("#")]

@@ -61,5 +61,6 @@ def log_to(recording: rr.RecordingStream, item: EntityUpdate, timeline: str = TI
     if item.stamp is None:
         recording.log(item.path, *item.parts, static=True)
         return
+    recording.reset_time()  # else it would be at the end of the timeline before, too
     recording.set_time(timeline, timestamp=np.datetime64(item.stamp, "ns"))
     recording.log(item.path, *item.parts)

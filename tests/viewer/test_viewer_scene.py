@@ -2,13 +2,16 @@
 
 from collections import Counter
 from contextlib import suppress
+from pathlib import Path
 from unittest.mock import MagicMock
 
 import numpy as np
 import pytest
+import rerun as rr
 from hypothesis import given
 from hypothesis import strategies as st
 from made_up_device import BEGIN, PERIOD_NS, SMALL_CAMERA, T_WORLD_MAP, MadeUp, messages, true_pose
+from rerun.chunk import RrdReader
 
 from odom.errors import WireError
 from odom.frame import Camera, Stamp
@@ -16,7 +19,7 @@ from odom.frontend.matching.moving_surfaces import MovingCells
 from odom.geometry import se3
 from odom.service.estimate_messages import moving_message
 from odom.viewer import ViewerSettings, entities, palette
-from odom.viewer.entities import EntityUpdate
+from odom.viewer.entities import EntityUpdate, log_to, update
 from odom.viewer.keyframe_clouds import KeyframeClouds, back_project
 from odom.viewer.scene import Scene
 from odom.viewer.truth_alignment import in_map
@@ -324,6 +327,21 @@ def test_a_run_whose_stamps_go_back_is_shown_on_a_timeline_of_its_own() -> None:
     assert named.index("capture 2") >= 180
     (sent,) = recording.send_blueprint.call_args_list
     assert sent.args[0].time_panel.timeline == "capture 2"
+
+
+def test_what_is_logged_on_one_timeline_is_on_no_other(tmp_path: Path) -> None:
+    recording, file = rr.RecordingStream("test"), tmp_path / "seen.rrd"
+    recording.set_sinks(rr.FileSink(file))
+    for timeline, stamp in (("capture", 9), ("capture 2", 5)):
+        log_to(recording, update(entities.LOG, Stamp(stamp), rr.TextLog(timeline)), timeline)
+    recording.flush()
+    recording.disconnect()
+    names = [
+        {name for name in chunk.to_record_batch().schema.names if name.startswith("capture")}
+        for chunk in RrdReader(file).stream()
+        if chunk.entity_path == f"/{entities.LOG}"
+    ]
+    assert sorted(names, key=sorted) == [{"capture"}, {"capture 2"}]
 
 
 def test_going_back_in_time_begins_a_new_run() -> None:

@@ -3,9 +3,12 @@
 import io
 from collections.abc import Mapping, Sequence
 from html import escape
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from odom.batch.summary import DONE, JUDGED, Row
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 _PLOTTED = {
     "ate_m": ("ATE, m", True),
@@ -16,6 +19,17 @@ _PLOTTED = {
 """Figures of the plots: their title, and whether the axis is logarithmic."""
 _ROW_IN, _HEAD_IN, _TALLEST_IN = 0.2, 1.1, 100.0
 """Inches a recording, of the titles, and of the whole picture at the most."""
+_MOST_NAMED = 500
+"""Recordings whose names stand beside the picture: those of more would lie on each other."""
+_ROOM, _WIDE = 1.6, 30.0
+"""Space on a logarithmic axis beyond the least and the largest value, a factor, so that there is a number on it; and
+the ratio of its ends from which there are numbers at powers of ten alone."""
+_DRAWN: dict[Any, Any] = {
+    "svg.hashsalt": "odom",
+    "svg.fonttype": "none",
+    "font.size": 8,
+    "text.parse_math": False,
+}
 _STYLE = """
 body { font: 14px/1.5 sans-serif; margin: 2em; color: #222 } table { border-collapse: collapse }
 td, th { padding: .2em .7em; border-bottom: 1px solid #ddd; text-align: right; white-space: nowrap }
@@ -55,33 +69,53 @@ def _text(value: object) -> str:
 
 
 def _plots(rows: Sequence[Row]) -> str:
-    """Return an SVG with a column for each figure: a dot for each recording, a ring where the baseline was."""
+    """Return an SVG with a column for each figure, and above it a sentence on its dots and rings."""
     shown = {name: how for name, how in _PLOTTED.items() if any(row[name] is not None for row in rows)}
     if not shown:
         return ""
     from matplotlib import rc_context
     from matplotlib.figure import Figure
 
-    with rc_context({"svg.hashsalt": "odom", "svg.fonttype": "none", "font.size": 8}):
+    with rc_context(_DRAWN):
         height = min(_HEAD_IN + _ROW_IN * len(rows), _TALLEST_IN)
         figure = Figure(figsize=(12, height), layout="constrained")
         axes = figure.subplots(1, len(shown), sharey=True, squeeze=False)[0]
         places = range(len(rows))
         for axis, (name, (title, is_logarithmic)) in zip(axes, shown.items(), strict=True):
-            now = [_number(row[name]) for row in rows]
-            if name in JUDGED and any(f"baseline_{name}" in row for row in rows):
+            now, before = [_number(row[name]) for row in rows], []
+            if name in JUDGED and _has_baseline(rows):
                 before = [_number(row[f"baseline_{name}"]) for row in rows]
-                axis.plot(before, places, "o", mfc="none", color="#888", ms=6, label="baseline")
+                axis.plot(before, places, "o", mfc="none", color="#888", ms=6)
             axis.plot(now, places, "o", color="#1a5fb4", ms=4)
             axis.set_title(title)
             axis.grid(alpha=0.3)
             if is_logarithmic and any(value > 0 for value in now):
-                axis.set_xscale("log")
-        axes[0].set_yticks(places, [row["name"] for row in rows])
-        axes[0].invert_yaxis()
+                _logarithmic(axis, [value for value in (*now, *before) if value > 0])
+        axes[0].set_yticks(*((places, [row["name"] for row in rows]) if len(rows) <= _MOST_NAMED else ([],)))
+        axes[0].set_ylim(len(rows), -1)
         drawn = io.StringIO()
         figure.savefig(drawn, format="svg", metadata={"Date": None, "Creator": None})
-    return "<svg" + drawn.getvalue().partition("<svg")[2]
+    return f"<p>{_legend(rows)}</p>\n<svg" + drawn.getvalue().partition("<svg")[2]
+
+
+def _legend(rows: Sequence[Row]) -> str:
+    named = "" if len(rows) <= _MOST_NAMED else ", from above in the order of the table"
+    return f"Dots: a recording each{named}.{' Rings: the baseline.' if _has_baseline(rows) else ''}"
+
+
+def _has_baseline(rows: Sequence[Row]) -> bool:
+    return any(f"baseline_{name}" in row for row in rows for name in JUDGED)
+
+
+def _logarithmic(axis: "Axes", values: Sequence[float]) -> None:
+    """Make the axis of positive values logarithmic, with numbers that do not lie on each other."""
+    from matplotlib.ticker import LogLocator, NullLocator, StrMethodFormatter
+
+    low, high = min(values) / _ROOM, max(values) * _ROOM
+    axis.set(xscale="log", xlim=(low, high))
+    axis.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if high < _WIDE * low else (1.0,)))
+    axis.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+    axis.xaxis.set_minor_locator(NullLocator())
 
 
 def _number(value: float | None) -> float:

@@ -1,6 +1,7 @@
 """A picture of the residuals over the image and over range, before and after a calibration."""
 
 from pathlib import Path
+from textwrap import fill
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -21,6 +22,8 @@ _LEAST = 8
 """Observations of a cell or range that is drawn: fewer show noise."""
 _RANGES_M = np.geomspace(0.4, 6.0, 13)
 """Bounds of the ranges of depth over which means are drawn, each a quarter farther than the last."""
+_TITLE = 100
+"""Characters of a line of the title, which is as wide as the sheet then."""
 _MOST_CHI2 = 25.0
 """Beyond it an observation is a wrong match, and left out."""
 _BEFORE, _AFTER = "#D55E00", "#0072B2"
@@ -30,9 +33,10 @@ _BEFORE, _AFTER = "#D55E00", "#0072B2"
 def draw(path: Path, survey: Survey, judgement: Judgement, title: str) -> None:
     """Write the picture: arrows are mean residuals of corners, colours mean errors of depth."""
     from matplotlib.figure import Figure
+    from matplotlib.ticker import LogLocator, NullLocator, StrMethodFormatter
 
     figure = Figure(figsize=(11, 8.5), dpi=120, layout="constrained")
-    figure.suptitle(title)
+    figure.suptitle(fill(title, _TITLE), x=0.01, ha="left", parse_math=False)
     grid = figure.subplots(2, 2)
     found = [_residuals(survey, fit) for fit in judgement.fits]
     for axis, (uv, px, mm, _), words in zip(grid[0], found, ("as it was", "calibrated"), strict=True):
@@ -46,6 +50,10 @@ def draw(path: Path, survey: Survey, judgement: Judgement, title: str) -> None:
         size = np.linalg.norm(px, axis=1)
         grid[1, 1].plot(np.sort(size), np.linspace(0, 1, len(size)), color=colour, label=words)
     grid[1, 0].set(xscale="log", xlabel="range (m)", ylabel="mean error of depth (mm)", title="Depth over range")
+    grid[1, 0].set_xlim(_RANGES_M[0], _RANGES_M[-1])
+    grid[1, 0].xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    grid[1, 0].xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+    grid[1, 0].xaxis.set_minor_locator(NullLocator())
     grid[1, 1].set(xlim=(0, 3), xlabel="residual of a corner (px)", ylabel="share below", title="Corners")
     for axis in grid[1]:
         axis.grid(color="#e4e4e4")

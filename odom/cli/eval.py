@@ -61,7 +61,7 @@ def evaluate(
 
     from odom.cli.outputs import check_files, in_its_folder, write_json
     from odom.cli.pose_figures import print_pose_figures
-    from odom.cli.trajectories import read_claims, read_estimate, read_truth
+    from odom.cli.trajectories import frames_of_run, read_claims, read_estimate, read_truth
     from odom.evaluation import EvaluationOptions
     from odom.evaluation.judgement import judge as judged_by
     from odom.evaluation.pose_conventions import notes_of_both
@@ -82,7 +82,8 @@ def evaluate(
         truth or estimate, times=times, topic=truth_topic, body=body, y_up=not z_up, of_run=truth is None
     )
     mocap_options = _calibration_options(mocap or foreign, time_offset, hand_eye, max_gap, search)
-    judge = partial(judged_by, options=EvaluationOptions(max_gap_s=max_gap), mocap=mocap_options)
+    evaluation_options = EvaluationOptions(max_gap, frames_of_run(estimate))
+    judge = partial(judged_by, options=evaluation_options, mocap=mocap_options)
     judged = judge(estimated, as_read)
     calibration, true, report = judged.calibration, judged.truth, judged.report
 
@@ -97,13 +98,17 @@ def evaluate(
     fields["pose_alignment"] = print_pose_figures(report, read_claims(estimate, topic=topic), calibration, noise)
     for path in relative or []:
         poses = read_relative(path)
-        values = relative_nees(poses, true, max_gap)
-        print(f"NEES           {values.mean:.2f} (6 is ideal), {values.inside_95:.1%} inside 95 %  {path.name}")
+        exact, allowing = (relative_nees(each, true, max_gap) for each in (poses, widened(poses, noise)))
+        print(f"NEES           {exact.mean:.2f} (6 is ideal), {exact.inside_95:.1%} inside 95 %  {path.name}")
         if noise:
-            floored = relative_nees(widened(poses, noise), true, max_gap)
-            print(f"{'':<14} {floored.mean:.2f}, {floored.inside_95:.1%} inside, allowing for the truth's own noise")
+            print(f"{'':<14} {allowing.mean:.2f}, {allowing.inside_95:.1%} inside, allowing for the truth's own noise")
         name = f"nees_{path.stem}"
-        fields[f"nees_{path}" if name in fields else name] = {"mean": values.mean, "inside_95": values.inside_95}
+        fields[f"nees_{path}" if name in fields else name] = {
+            "mean": allowing.mean,
+            "inside_95": allowing.inside_95,
+            "mean_exact_truth": exact.mean,
+            "inside_95_exact_truth": exact.inside_95,
+        }
     if calibration:
         _print_calibration(mocap_calibration_fields(calibration, body or "body"), calibration.correlation)
     notes = [

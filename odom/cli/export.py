@@ -76,7 +76,10 @@ def export(
         part = ""
         if (source / "trajectory.txt").is_file():
             folder.mkdir(parents=True, exist_ok=True)
-            write_trajectory(folder, to, read_run(source).longest_segment())
+            run = read_run(source)
+            write_trajectory(folder, to, run.longest_segment())
+            if run.segment_count > 1:
+                part = f" (the largest of {run.segment_count} parts)"
         else:
             recording = read_recording(source, camera, start=start, end=end)
             part = _export_recording(recording, to, folder, wanted, settings, stop)
@@ -114,7 +117,11 @@ def _export_recording(
         surveyed = survey(recording, settings.odometry, progress, is_stopped, segmenter)
     is_read = not is_interrupted
     scene = surveyed.scene
-    typer.echo(f"{len(surveyed.stamps)} frames, {len(scene.keyframes)} key frames, {len(scene.points)} landmarks")
+    of_parts = f", the largest of {scene.parts} parts" if scene.parts > 1 else ""
+    typer.echo(
+        f"{len(scene.trajectory)} of {len(surveyed.stamps)} frames{of_parts}: {len(scene.keyframes)} key frames, "
+        f"{scene.landmarks_seen} landmarks"
+    )
     folder.mkdir(parents=True, exist_ok=True)
     if to in _TRAJECTORIES:
         write_trajectory(folder, to, scene.trajectory)

@@ -1,5 +1,6 @@
 """Trajectories for `odom eval`, whatever kind of file they are in."""
 
+import json
 import logging
 from pathlib import Path
 
@@ -25,6 +26,15 @@ def read_estimate(path: Path, *, times: Path | None, topic: str) -> Trajectory:
     if is_recording(path):
         return _from_recording(path, topic)[0]
     return _text(path, times)
+
+
+def frames_of_run(path: Path) -> int | None:
+    """Return how many frames the source of a run in a folder had, LOST ones too; None where its report does not say."""
+    try:
+        report = json.loads((path / "report.json").read_text())
+        return int(report.get("total") or report["frames"])
+    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+        return None
 
 
 def read_truth(

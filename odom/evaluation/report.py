@@ -115,6 +115,8 @@ def _coverage_notes(matched: int, total: int) -> tuple[str, ...]:
 def _why_unmatched(estimate: Trajectory, truth: Trajectory, matched: int, max_gap_s: float) -> str:
     if not len(estimate) or not len(truth):
         return f"{len(estimate)} estimated and {len(truth)} true poses: nothing to compare"
+    if matched == len(estimate):
+        return f"the estimate has only {matched} pose{'s' if matched > 1 else ''}: three are needed to compare"
     span = [f"{t.stamps[0] * 1e-9:.3f} .. {t.stamps[-1] * 1e-9:.3f} s" for t in (estimate, truth)]
     return (
         f"only {matched} of {len(estimate)} poses match truth in time (estimate {span[0]}, truth {span[1]}, "

@@ -71,7 +71,7 @@ def report_with_truth(out_dir: Path, total_frames: int | None = None) -> dict[st
         "truth_notes": [*convention_notes(read, final, report_by), *judged.notes],
     }
     try:
-        plot(out_dir / "plot.png", final, online, _claimed(second, truth, final), remarks=remarks(calibration))
+        plot(out_dir / "plot.png", final, online, _claimed(second, truth), remarks=remarks(calibration))
     except OSError as error:
         fields |= {"unwritten": 1, "truth_notes": [*fields["truth_notes"], f"plot.png is not drawn: {error}"]}
     return {key: _finite(value) for key, value in fields.items()}
@@ -155,12 +155,13 @@ def _nees_fields(poses: RelativePoses | None, truth: Trajectory, name: str) -> d
     }
 
 
-def _claimed(poses: RelativePoses | None, truth: Trajectory, final: Report) -> ClaimedError | None:
+def _claimed(poses: RelativePoses | None, truth: Trajectory) -> ClaimedError | None:
     if not poses:
         return None
     errors, valid = relative_errors_of(poses, truth)
     if not len(errors):
         return None
     largest = np.linalg.eigvalsh(poses.covariances[valid][:, :3, :3])[:, -1]
-    seconds = (poses.stamps_current[valid] - final.truth.stamps[0]) * 1e-9
-    return ClaimedError(seconds, np.linalg.norm(errors[:, :3], axis=1), 3 * np.sqrt(np.maximum(largest, 0)))
+    return ClaimedError(
+        poses.stamps_current[valid], np.linalg.norm(errors[:, :3], axis=1), 3 * np.sqrt(np.maximum(largest, 0))
+    )

@@ -10,6 +10,7 @@ import numpy as np
 
 from odom.evaluation.metrics import rmse
 from odom.evaluation.report import Report
+from odom.evaluation.trajectory import Stamps
 from odom.geometry.arrays import Array
 
 if TYPE_CHECKING:
@@ -31,6 +32,13 @@ _SHEET = {"left": 0.07, "right": 0.99, "top": 0.918, "bottom": 0.063, "wspace": 
 _REMARKS, _REMARK = 0.012, 0.018
 """Height of the remarks below the axes, as a share of the sheet: the space above them, and each line."""
 
+_TITLE = 52
+"""Characters of a title: of a longer one the middle is left out, so that what was judged can be read beside it."""
+_ABOVE = 1.25
+"""Height of an axis over its largest value: the legend stands between them."""
+_USUAL = 99.8
+"""Per cent of the errors over which the histogram reaches: the last bar holds those beyond, too."""
+
 _COMPRESSION = 2
 """Of a .png: more takes longer than the drawing itself and saves a fifth of the file."""
 
@@ -41,15 +49,15 @@ _STYLE: dict[Any, Any] = {
     "axes.titley": 1.0,  # a fixed place: searching for the best one would choose the same
     "axes.spines.top": False, "axes.spines.right": False, "axes.edgecolor": "#666666", "axes.linewidth": 0.8,
     "axes.grid": True, "axes.axisbelow": True, "grid.color": "#e4e4e4", "grid.linewidth": 0.7,
-    "legend.frameon": False, "xtick.color": "#444444", "ytick.color": "#444444",
+    "text.parse_math": False, "legend.frameon": False, "xtick.color": "#444444", "ytick.color": "#444444",
 }  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
 class ClaimedError:
-    """Translation errors of relative poses over a second, and the 3-sigma bound claimed for them (metres)."""
+    """Errors (m) of translations over a second that end at `stamps` (ns), and the 3-sigma bound claimed of them (m)."""
 
-    seconds: Array
+    stamps: Stamps
     errors_m: Array
     three_sigma_m: Array
 
@@ -80,7 +88,8 @@ def plot(
     """Draw the matched trajectories from above and from the side, errors over time and their histogram.
 
     `online` is the causal estimate, `claimed` the bound its covariance promises. Up is the world's axis nearest to the
-    camera's own up direction on average: motion capture has y up, most others z.
+    camera's own up direction on average: motion capture has y up, most others z. Time counts from the first of all that
+    is drawn.
     """
     R_drawn_world = _upright(final.truth.T_world_body)
     final, online = _turned(final, R_drawn_world), _turned(online, R_drawn_world) if online else None
@@ -94,12 +103,14 @@ def plot(
         grid = figure.add_gridspec(6, 2, width_ratios=(1.0, 1.15), **(_SHEET | {"bottom": bottom}))
         _draw_views(figure.add_subplot(grid[:3, 0]), figure.add_subplot(grid[3:, 0]), final, online)
         rows = (slice(0, 2), slice(2, 4), slice(4, 6)) if claimed else (slice(0, 3), None, slice(3, 6))
-        _draw_error(figure.add_subplot(grid[rows[0], 1]), final, online)
+        starts = [report.truth.stamps[0] for report in (final, online) if report]
+        begin = min([*starts, claimed.stamps[0]] if claimed else starts)
+        _draw_error(figure.add_subplot(grid[rows[0], 1]), begin, final, online)
         if claimed and rows[1]:
-            _draw_claimed(figure.add_subplot(grid[rows[1], 1]), claimed)
+            _draw_claimed(figure.add_subplot(grid[rows[1], 1]), begin, claimed)
         _draw_histogram(figure.add_subplot(grid[rows[2], 1]), final, online)
         figure.suptitle(
-            (f"{title}   " if title else "") + f"{final.matched} of {final.total} frames judged",
+            (f"{_shortened(title)}   " if title else "") + f"{final.matched} of {final.total} frames judged",
             x=0.012, y=0.988, ha="left", fontsize=13, fontweight="bold",
         )  # fmt: skip
         if remarks:
@@ -128,9 +139,12 @@ def _turned(report: Report, T_drawn_world: Array) -> Report:
     )
 
 
-def _seconds(report: Report, final: Report) -> Array:
-    """Return the times of a report's poses since the first of the final one, as those of claimed errors are."""
-    return np.asarray((report.truth.stamps - final.truth.stamps[0]) * 1e-9)
+def _shortened(title: str) -> str:
+    return title if len(title) <= _TITLE else f"{title[: _TITLE // 2]}…{title[-_TITLE // 2 :]}"
+
+
+def _seconds(stamps: Stamps, begin: int) -> Array:
+    return np.asarray((stamps - begin) * 1e-9)
 
 
 def _gaps_opened(seconds: Array, values: Array) -> tuple[Array, Array]:
@@ -158,7 +172,7 @@ def _draw_views(above: "Axes", side: "Axes", final: Report, online: Report | Non
     for axis, row, title, name in views:
         for report, points, look in curves:
             curve = ((points - centre) @ R_view_world.T)[:, [0, row]]
-            axis.plot(*_gaps_opened(_seconds(report, final), curve)[1].T, **look, solid_capstyle="round")
+            axis.plot(*_gaps_opened(_seconds(report.truth.stamps, 0), curve)[1].T, **look, solid_capstyle="round")
         start = (R_view_world @ (truth[0] - centre))[[0, row]]
         axis.plot(*start, "o", ms=7, mfc="white", mec=TRUTH, mew=1.5, label="start", zorder=5)
         axis.set_aspect("equal", adjustable="datalim")
@@ -166,25 +180,27 @@ def _draw_views(above: "Axes", side: "Axes", final: Report, online: Report | Non
     above.legend(loc="best", ncols=2, handlelength=2.4)
 
 
-def _draw_error(axis: "Axes", final: Report, online: Report | None) -> None:
+def _draw_error(axis: "Axes", begin: int, final: Report, online: Report | None) -> None:
     if online:
-        curve = _gaps_opened(_seconds(online, final), 1e3 * online.errors_m)
+        curve = _gaps_opened(_seconds(online.truth.stamps, begin), 1e3 * online.errors_m)
         axis.plot(*curve, color=ONLINE, lw=1.0, ls=_DASHES, label=f"online, ATE {1e3 * online.ate_m:.1f} mm")
     label = f"{_name(online)}, ATE {1e3 * final.ate_m:.1f} mm"
-    axis.plot(*_gaps_opened(_seconds(final, final), 1e3 * final.errors_m), color=FINAL, lw=1.4, label=label)
-    axis.set_ylim(bottom=0)
+    curve = _gaps_opened(_seconds(final.truth.stamps, begin), 1e3 * final.errors_m)
+    axis.plot(*curve, color=FINAL, lw=1.4, label=label)
+    axis.set_ylim(0, _ABOVE * 1e3 * max(float(report.errors_m.max()) for report in (final, online) if report) or None)
     axis.margins(x=0.01)
     axis.set(title="Distance from truth after alignment", xlabel="time, s", ylabel="mm")
     axis.legend(loc="upper right", ncols=2)
 
 
-def _draw_claimed(axis: "Axes", claimed: ClaimedError) -> None:
-    seconds, both = _gaps_opened(claimed.seconds, np.column_stack([claimed.errors_m, claimed.three_sigma_m]) * 1e3)
+def _draw_claimed(axis: "Axes", begin: int, claimed: ClaimedError) -> None:
+    seconds = _seconds(claimed.stamps, begin)
+    seconds, both = _gaps_opened(seconds, np.column_stack([claimed.errors_m, claimed.three_sigma_m]) * 1e3)
     share = float(np.mean(claimed.errors_m <= claimed.three_sigma_m))
     axis.fill_between(seconds, 0, both[:, 1], color=BAND, alpha=0.35, lw=0, label="claimed 3 sigma")
     axis.plot(seconds, both[:, 1], color=BAND, lw=0.8)
     axis.plot(seconds, both[:, 0], color=TRUTH, lw=1.0, label=f"error over 1 s, {share:.1%} inside")
-    axis.set_ylim(0, 1.25 * float(np.nanpercentile(both, 99.5)))
+    axis.set_ylim(0, _ABOVE * float(np.nanpercentile(both, 99.5)))
     axis.margins(x=0.01)
     axis.set(title="Drift over one second against the claimed 3 sigma", xlabel="time, s", ylabel="mm")
     axis.legend(loc="upper right", ncols=2)
@@ -192,10 +208,11 @@ def _draw_claimed(axis: "Axes", claimed: ClaimedError) -> None:
 
 def _draw_histogram(axis: "Axes", final: Report, online: Report | None) -> None:
     errors = [1e3 * report.errors_m for report in (final, online) if report]
-    bins = np.linspace(0, max(float(np.percentile(e, 99.8)) for e in errors), 41).tolist()
+    bins = np.linspace(0, max(float(np.percentile(e, _USUAL)) for e in errors), 41).tolist()
+    held = [np.minimum(e, bins[-1]) for e in errors]
     if online:
-        axis.hist(errors[1], bins=bins, histtype="step", color=ONLINE, lw=1.3, ls=_DASHES, label="online")
-    axis.hist(errors[0], bins=bins, histtype="stepfilled", color=FINAL, alpha=0.75, label=_name(online))
+        axis.hist(held[1], bins=bins, histtype="step", color=ONLINE, lw=1.3, ls=_DASHES, label="online")
+    axis.hist(held[0], bins=bins, histtype="stepfilled", color=FINAL, alpha=0.75, label=_name(online))
     for value, name in ((float(np.median(errors[0])), "median"), (rmse(errors[0]), "RMSE")):
         axis.axvline(value, color=TRUTH, lw=1.0, ls="-" if name == "RMSE" else ":", label=f"{name} {value:.1f} mm")
     axis.set(title="How often how far", xlabel="distance from truth, mm", ylabel="frames")

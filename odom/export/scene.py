@@ -36,7 +36,8 @@ class SceneKeyframe:
 class Scene:
     """The largest part of a trajectory that is joined: poses at the frames' stamps, key frames, `points` (m x 3, map).
 
-    `edges` are the registrations among the key frames, numbered as in `keyframes`.
+    `edges` are the registrations among the key frames, numbered as in `keyframes`; `parts` is how many there are that
+    were never joined.
     """
 
     timing: ShutterTiming
@@ -44,6 +45,12 @@ class Scene:
     keyframes: tuple[SceneKeyframe, ...]
     points: Array
     edges: tuple[Edge, ...]
+    parts: int = 1
+
+    @property
+    def landmarks_seen(self) -> int:
+        """How many of the points the key frames saw; the others are of other parts."""
+        return len(set().union(*(keyframe.landmarks.tolist() for keyframe in self.keyframes)))
 
     def pose_at(self, stamp: float) -> Array:
         """Return T_map_camera (4 x 4) at any time (ns), beyond the ends that of the nearest pose."""
@@ -82,7 +89,8 @@ def scene_of(camera: Camera, timing: ShutterTiming, poses: Iterable[TrajectoryPo
     found = [pose for pose in poses if pose.T_map_camera is not None]
     if not found:
         raise InputError("no frame has a pose: there is nothing to export")
-    ((segment, _),) = Counter(pose.segment for pose in found).most_common(1)
+    sizes = Counter(pose.segment for pose in found)
+    ((segment, _),) = sizes.most_common(1)
     members = map_.members(segment)
     place = {keyframe.number: i for i, keyframe in enumerate(members)}
     rows = np.flatnonzero(map_.landmarks.alive)
@@ -107,4 +115,4 @@ def scene_of(camera: Camera, timing: ShutterTiming, poses: Iterable[TrajectoryPo
     )
     points = map_.landmarks.position[rows].copy()
     trajectory = replace(Trajectory.of(pose for pose in found if pose.segment == segment), segment=None)
-    return Scene(timing, trajectory, tuple(keyframes), points, edges)
+    return Scene(timing, trajectory, tuple(keyframes), points, edges, len(sizes))

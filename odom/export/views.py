@@ -36,10 +36,12 @@ class Survey:
     segmenter: Segmenter | None = None
 
     def chosen(self, neighbours: int) -> dict[Stamp, Stamp]:
-        """Return for each key frame's stamp that of the sharpest image within so many frames of it."""
+        """Return for each key frame's stamp that of the sharpest image with a pose within so many frames of it."""
         number = {stamp: i for i, stamp in enumerate(self.stamps)}
         keyframes = [number[keyframe.stamp] for keyframe in self.scene.keyframes]
-        best = sharpest(keyframes, self.sharpness, neighbours)
+        can_stand = np.isin(self.stamps, self.scene.trajectory.stamps)
+        can_stand[keyframes] = True
+        best = sharpest(keyframes, np.where(can_stand, self.sharpness, -np.inf).tolist(), neighbours)
         return {self.stamps[k]: self.stamps[b] for k, b in zip(keyframes, best, strict=True)}
 
 

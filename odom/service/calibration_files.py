@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Sequence
 from pathlib import Path
+from shlex import join, quote
 
 import numpy as np
 
@@ -19,7 +20,7 @@ def remarks(outcome: Outcome, sources: Sequence[str]) -> list[str]:
     """Return a calibration's report, line by line."""
     survey, result = outcome.survey, outcome.result
     lines = [
-        f"odom calibrate {' '.join(sources)}: {len(survey.T_camera_map)} frames and {len(survey.landmarks)} landmarks "
+        f"odom calibrate {join(sources)}: {len(survey.T_camera_map)} frames and {len(survey.landmarks)} landmarks "
         f"adjusted {outcome.rounds} times, {len(survey)} observations",
         *numbers(result),
     ]
@@ -48,9 +49,10 @@ def remarks(outcome: Outcome, sources: Sequence[str]) -> list[str]:
 
 def how_to_use(source: str, calibration: Path) -> str:
     """Return in words how to use a calibration that was found in `source`."""
+    option = f"--camera {quote(str(calibration))}"
     if takes_calibration(source):
-        return f"use it: odom run {source} --camera {calibration}"
-    return f"use it with --camera {calibration}, for recordings of this camera; {source} itself takes no other camera"
+        return f"use it: odom run {quote(source)} {option}"
+    return f"use it with {option}, for recordings of this camera; {source} itself takes no other camera"
 
 
 def write_calibration(

@@ -12,8 +12,8 @@ _UP = (0.0, -1.0, 0.0)
 """Up of the eye: y is down in the first camera."""
 
 
-def blueprint(frame: Frame | None = None) -> rrb.Blueprint:
-    """Return the blueprint with the eye of the map at `frame`; plots follow the last minute.
+def blueprint(frame: Frame | None = None, timeline: str = TIMELINE) -> rrb.Blueprint:
+    """Return the blueprint with the eye of the map at `frame`; plots follow the last minute of `timeline`.
 
     Without a frame the eye stands where Rerun puts it.
     """
@@ -27,7 +27,7 @@ def blueprint(frame: Frame | None = None) -> rrb.Blueprint:
                         origin=entities.LOG,
                         name="What happened",
                         columns=rrb.TextLogColumns(
-                            timeline_columns=[rrb.encodings.TimelineColumn(TIMELINE, visible=False)],
+                            timeline_columns=[rrb.encodings.TimelineColumn(timeline, visible=False)],
                             text_log_columns=["loglevel", "body"],
                         ),
                     ),
@@ -41,12 +41,12 @@ def blueprint(frame: Frame | None = None) -> rrb.Blueprint:
                     rrb.Spatial2DView(origin=entities.DEPTH, name="Depth", background=_GROUND),
                 ),
                 rrb.Horizontal(
-                    _plot(entities.POSITION_ERROR, "Position error, mm (grey: 3 sigma)"),
-                    _plot(entities.ROTATION_ERROR, "Rotation error, deg (grey: 3 sigma)"),
+                    _plot(entities.POSITION_ERROR, "Position error, mm (grey: 3 sigma)", timeline),
+                    _plot(entities.ROTATION_ERROR, "Rotation error, deg (grey: 3 sigma)", timeline),
                 ),
                 rrb.Horizontal(
-                    _plot(entities.INLIERS, "Inliers (green) of matches (grey)"),
-                    _plot(entities.TIMES, "Processing (blue), latency (orange), ms"),
+                    _plot(entities.INLIERS, "Inliers (green) of matches (grey)", timeline),
+                    _plot(entities.TIMES, "Processing (blue), latency (orange), ms", timeline),
                 ),
                 row_shares=[1.15, 1, 1],
             ),
@@ -54,7 +54,7 @@ def blueprint(frame: Frame | None = None) -> rrb.Blueprint:
         ),
         rrb.BlueprintPanel(state="hidden"),
         rrb.SelectionPanel(state="hidden"),
-        rrb.TimePanel(state="collapsed", timeline=TIMELINE, play_state="following"),
+        rrb.TimePanel(state="collapsed", timeline=timeline, play_state="following"),
         auto_layout=False,
         auto_views=False,
     )
@@ -76,9 +76,9 @@ def _map(frame: Frame | None) -> rrb.Spatial3DView:
     )
 
 
-def _plot(path: str, name: str) -> rrb.TimeSeriesView:
+def _plot(path: str, name: str, timeline: str) -> rrb.TimeSeriesView:
     ranges = rrb.VisibleTimeRange(
-        TIMELINE,
+        timeline,
         start=rrb.TimeRangeBoundary.cursor_relative(seconds=-60.0),
         end=rrb.TimeRangeBoundary.cursor_relative(),
     )

@@ -13,6 +13,10 @@ if TYPE_CHECKING:
 
 RESTART_NS = 5_000_000_000
 """Stamps that go back by more begin a new run (a recording played again); out of order they are by milliseconds."""
+GAP_NS = 300_000_000
+"""Poses further apart are not joined by a line: nine frames were lost, or the markers were hidden."""
+_THINNED_STEPS = 3
+"""In a trajectory that was thinned out, poses are joined over so many times their median step, too."""
 
 
 class BoundedTrajectory:
@@ -55,17 +59,21 @@ class BoundedTrajectory:
         self._provisional = self._count % self._stride != 0
 
     def prepend(self, earlier: "Trajectory") -> None:
-        """Put what happened before the first pose in front of it, thinned to half the limit, as a strip of its own."""
+        """Put what happened before the first pose in front of it, thinned to half the limit.
+
+        It is interrupted where there is a gap, and where it ends.
+        """
         if self._size:
             earlier = earlier.take(earlier.stamps < self._stamps[0])
-        room = len(self._stamps) // 2
-        earlier = earlier.take(np.arange(len(earlier))[:: max(1, -(-len(earlier) // room))])
-        while self._size + len(earlier) > len(self._stamps):
+        strips = _strips_of(earlier.stamps) - len(earlier)
+        every = max(1, -(-len(earlier) // (len(self._stamps) // 2)))
+        n = len(earlier.stamps[::every])
+        while self._size + n > len(self._stamps):
             self._thin()
-        n, size = len(earlier), self._size
-        for kept, new in ((self._stamps, earlier.stamps), (self._T, earlier.T_world_body), (self._strips, -1)):
+        size = self._size
+        for kept, new in ((self._stamps, earlier.stamps), (self._T, earlier.T_world_body), (self._strips, strips)):
             kept[n : n + size] = kept[:size].copy()
-            kept[:n] = new
+            kept[:n] = new[::every]
         self._size += n
 
     def poses(self) -> list[tuple[Stamp, Array]]:
@@ -88,3 +96,10 @@ class BoundedTrajectory:
             values[: len(kept)] = values[kept]
         self._size = len(kept)
         self._stride *= 2
+
+
+def _strips_of(stamps: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return the number of each pose's strip, from 0 on: a new one after each gap."""
+    steps = np.diff(stamps)
+    longest = max(GAP_NS, _THINNED_STEPS * float(np.median(steps))) if len(steps) else GAP_NS
+    return np.cumsum(np.diff(stamps, prepend=stamps[:1]) > longest)

@@ -34,7 +34,7 @@ LOG = "log"
 SUMMARY = "summary"
 
 TIMELINE = "capture"
-"""Timeline of the capture stamps."""
+"""Timeline of the capture stamps; a run whose stamps go back gets one of its own, "capture 2" and so on."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,10 +56,11 @@ def transform(T_parent_child: Array) -> rr.Transform3D:
     return rr.Transform3D(translation=T_parent_child[:3, 3], mat3x3=T_parent_child[:3, :3])
 
 
-def log_to(recording: rr.RecordingStream, item: EntityUpdate) -> None:
-    """Log one item."""
+def log_to(recording: rr.RecordingStream, item: EntityUpdate, timeline: str = TIMELINE) -> None:
+    """Log one item, by its stamp on a timeline."""
     if item.stamp is None:
         recording.log(item.path, *item.parts, static=True)
         return
-    recording.set_time(TIMELINE, timestamp=np.datetime64(item.stamp, "ns"))
+    recording.reset_time()  # else it would be at the end of the timeline before, too
+    recording.set_time(timeline, timestamp=np.datetime64(item.stamp, "ns"))
     recording.log(item.path, *item.parts)

@@ -7,6 +7,7 @@ from datetime import UTC, datetime
 
 import rerun as rr
 
+from odom.evaluation import Trajectory
 from odom.frame import Stamp, to_seconds
 from odom.viewer import entities, palette
 from odom.viewer.entities import EntityUpdate, update
@@ -39,8 +40,6 @@ class EventLog:
     _state: tuple[str, str] = ("", "")
     _logged: tuple[str, str] = ("", "")
     _values: Mapping[str, str] = field(default_factory=dict)
-    _began: Stamp | None = None
-    _frames: int = 0
     _accepted: int = 0
     _refused: int = 0
     _unlogged: int = 0
@@ -61,11 +60,6 @@ class EventLog:
         level, word, color = _STATES.get(state, (INFO, state.capitalize(), palette.BOUND))
         if changed_state or state not in ("TRACKING", "RECOVERED"):
             yield log_line(stamp, level, f"{word}: {reason}" if reason else word, color)
-
-    def frame(self, stamp: Stamp) -> None:
-        """Count a published pose."""
-        self._frames += 1
-        self._began = stamp if self._began is None else self._began
 
     def loop(self, loop: Loop) -> Iterator[EntityUpdate]:
         """Yield a line for an accepted loop, and for refused ones at most once in 5 s."""
@@ -103,11 +97,10 @@ class EventLog:
         """Remember the newest error."""
         self._error = error
 
-    def summary(self, stamp: Stamp, fit: TruthInMap | None, has_truth: bool, length_m: float) -> EntityUpdate:
+    def summary(self, stamp: Stamp, fit: TruthInMap | None, has_truth: bool, way: Trajectory) -> EntityUpdate:
         """Return the table of the present state; `fit` is None while truth, if there is some, is not aligned yet."""
         state, reason = self._state
-        began = self._began if self._began is not None else stamp
-        rows = [("way", f"{length_m:.2f} m in {to_seconds(Stamp(stamp - began)):.1f} s")]
+        rows = [("way", f"{way.length_m:.2f} m in {way.duration_s:.1f} s")]
         if fit is not None:
             rows.append(("off truth (ATE so far)", f"**{1e3 * fit.ate_m:.1f} mm**"))
         elif has_truth:

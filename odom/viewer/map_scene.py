@@ -12,7 +12,7 @@ from odom.frame import Stamp
 from odom.geometry.arrays import Array
 from odom.geometry.se3 import inverses
 from odom.viewer import entities, palette
-from odom.viewer.bounded_trajectory import BoundedTrajectory
+from odom.viewer.bounded_trajectory import GAP_NS, BoundedTrajectory
 from odom.viewer.claimed_covariances import ClaimedCovariances
 from odom.viewer.ellipsoids import ellipsoids
 from odom.viewer.entities import EntityUpdate, transform, update
@@ -21,8 +21,6 @@ from odom.viewer.line_strips import DASH, ONLINE_PHASE, dashes, lines, strips_en
 from odom.viewer.settings import ViewerSettings
 from odom.wire.codec import Loop, StampedPose
 
-GAP_NS = 300_000_000
-"""Poses further apart are not joined by a line: nine frames were lost, or the markers were hidden."""
 _MAX_GAP_S = 1.0
 """A key frame's causal pose is interpolated over at most this gap, which a thinned trajectory of hours has."""
 _STANDS = 1e-3
@@ -58,6 +56,7 @@ class MapScene:
         interrupted = self.online.newest is not None and pose.stamp - self.online.newest > GAP_NS
         if interrupted:
             self._online_tail.clear()
+            self._corrected_tail.clear()
         self.online.add(pose.stamp, pose.T_parent_child, interrupted)
         if pose.covariance is not None:
             self.claimed.add(pose.stamp, pose.covariance)

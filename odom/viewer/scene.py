@@ -37,11 +37,15 @@ class Scene:
 
     `handle` takes the messages in the order of their arrival; it raises WireError for one that cannot be decoded and
     is then as it was before. Messages of other topics are ignored.
+
+    What it yields belongs on `timeline`, another one from the first pose of a new run on: Rerun shows the end of a
+    timeline, which lies in the run before where stamps go back.
     """
 
     def __init__(self, topics: Topics, settings: ViewerSettings) -> None:
         self._topics = topics
         self._settings = settings
+        self._runs = 0
         self._begin()
         self._handlers: Mapping[str, Callable[[Message], Iterator[EntityUpdate]]] = {
             topics.camera_info: lambda message: self._images.camera_info(message),
@@ -64,6 +68,8 @@ class Scene:
         }
 
     def _begin(self) -> None:
+        self._runs += 1
+        self.timeline = entities.TIMELINE if self._runs == 1 else f"{entities.TIMELINE} {self._runs}"
         self._framing = Framing()
         self._frame: Frame | None = None
         self._images = CameraImages(self._settings.jpeg_quality)
@@ -138,10 +144,8 @@ class Scene:
         pose = codec.decode_odometry(message)
         if self._newest is not None and pose.stamp < self._newest - RESTART_NS:
             self._begin()
-            yield update(entities.UNJOINED, pose.stamp, rr.Clear(recursive=True))
             yield log_line(pose.stamp, INFO, "The time went back: a new run begins")
         self._newest = pose.stamp
-        self._log.frame(pose.stamp)
         yield from self._map.odometry(pose)
         if self._refreshed is None or pose.stamp - self._refreshed >= _REFRESH_NS:
             self._refreshed = pose.stamp
@@ -205,7 +209,7 @@ class Scene:
         if fit := self._truth.align(corrected, self._map.claimed, calibrates):
             yield from self._log.truth(stamp, fit, first=not was_aligned)
         yield from self._truth.lines(stamp)
-        yield self._log.summary(stamp, self._truth.fit, bool(self._truth.trajectories), corrected.length_m)
+        yield self._log.summary(stamp, self._truth.fit, bool(self._truth.trajectories), corrected)
 
     def _errors(self) -> Iterator[EntityUpdate]:
         for error in self._truth.errors():

@@ -183,6 +183,10 @@ class Comparison:
         if not self._truth or stamp > self._truth[-1][0]:
             self._truth.append((stamp, T_truth_body))
 
+    def forget_before(self, stamp: Stamp) -> None:
+        """Forget the published poses before a stamp."""
+        self._pending = deque((entry for entry in self._pending if entry[0] >= stamp), maxlen=_MAX_PENDING)
+
     def errors(self, fit: TruthInMap) -> Iterator[PoseError]:
         """Yield the errors of the poses that have truth on both sides by now, and forget these poses."""
         if not self._pending or not self._truth:

@@ -6,11 +6,10 @@ from odom.evaluation import Trajectory
 from odom.evaluation.run_report import CAMERA
 from odom.frame import Stamp
 from odom.geometry.arrays import Array
-from odom.viewer.bounded_trajectory import BoundedTrajectory
+from odom.viewer.bounded_trajectory import GAP_NS, BoundedTrajectory
 from odom.viewer.claimed_covariances import ClaimedCovariances
 from odom.viewer.entities import EntityUpdate
 from odom.viewer.line_strips import truth_line
-from odom.viewer.map_scene import GAP_NS
 from odom.viewer.truth_alignment import Comparison, PoseError, ProgressiveCalibration, TruthInMap, align_truth, in_map
 from odom.wire.codec import StampedPose
 
@@ -53,8 +52,9 @@ class TruthScene:
         self._comparison.add(stamp, T_map_camera, covariance)
 
     def begin_segment(self, stamp: Stamp) -> None:
-        """Forget the alignment: poses from `stamp` on are in another world."""
+        """Forget the alignment, and poses that wait to be judged by it: those from `stamp` on are in another world."""
         self.fit, self._since = None, stamp
+        self._comparison.forget_before(stamp)
 
     def align(self, corrected: Trajectory, claimed: ClaimedCovariances, calibrates: bool) -> TruthInMap | None:
         """Align truth with the trajectory in the map and return how; None while too little is known."""

@@ -89,6 +89,7 @@ class Viewer:
 
     def __post_init__(self) -> None:
         self._scene = Scene(self.topics, self.settings)
+        self._timeline = self._scene.timeline
         self._rate_limit = ImageRateLimit(self.settings.image_rate_hz)
         self._shown_messages = 0
         self._repeat_due = time.monotonic() + _REPEAT_S
@@ -134,8 +135,10 @@ class Viewer:
         if repeat and time.monotonic() >= self._repeat_due:
             self._repeat_due = time.monotonic() + _REPEAT_S
             self._draw(self._scene.everything())
-        if (frame := self._scene.new_frame()) is not None:
-            self.recording.send_blueprint(blueprint(frame))
+        frame, timeline = self._scene.new_frame(), self._scene.timeline
+        if frame is not None or timeline != self._timeline:
+            self._timeline = timeline
+            self.recording.send_blueprint(blueprint(frame, timeline))
 
     def finish(self) -> None:
         """Take no new messages; show for at most a second what still waits, then the trajectories as they now are."""
@@ -174,7 +177,7 @@ class Viewer:
 
     def _draw(self, items: Iterable[EntityUpdate]) -> None:
         for item in items:
-            log_to(self.recording, item)
+            log_to(self.recording, item, self._scene.timeline)
 
     def _past(self) -> Iterator[zenoh.Sample]:
         keys = (self.topics.history, self.topics.path, self.topics.landmarks, self.topics.keyframes)

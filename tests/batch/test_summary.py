@@ -8,8 +8,10 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from sheets import on_each_other, sheets_drawn
 
 from odom.batch.job import Job
+from odom.batch.page import page
 from odom.batch.summary import change_of, rows_of, totals_of
 from odom.batch.summary_files import read_rows, write_summary
 from odom.errors import SourceError
@@ -98,6 +100,32 @@ def test_the_page_stands_alone_and_leads_to_the_results(jobs, tmp_path):
     for link in re.findall(r'<a href="(results/[^"]+)"', text):
         assert (tmp_path / link).is_dir()
     assert not re.search(r"(?:src|href)=\"https?:", text)
+
+
+@pytest.mark.parametrize(("least", "most"), [(0.011, 0.018), (0.004, 0.05), (0.001, 3.0)])
+def test_numbers_of_the_pages_plots_can_be_read(jobs, tmp_path, monkeypatch, least, most):
+    drawn = sheets_drawn(monkeypatch)
+    row = rows_of(jobs, {}, [])[0]
+    page([row | {"name": str(i), "ate_m": least * (most / least) ** (i / 11)} for i in range(12)], totals_of([row]))
+    (axis,) = (one for one in drawn[0].axes if one.get_title() == "ATE, m")
+    low, high = axis.get_xlim()
+    assert sum(low <= at <= high for at in axis.get_xticks()) >= 1
+    assert not on_each_other(drawn[0])
+
+
+def test_the_page_says_what_its_rings_are(jobs):
+    alone, beside = rows_of(jobs, {}, []), rows_of(jobs, {}, rows_of(jobs[:1], {}, []))
+    assert "Rings: the baseline" in page(beside, totals_of(beside))
+    assert "Rings" not in page(alone, totals_of(alone))
+
+
+def test_the_page_of_very_many_recordings_stays_one_that_can_be_read(jobs, monkeypatch):
+    drawn = sheets_drawn(monkeypatch)
+    row = rows_of(jobs, {}, [])[0]
+    text = page([row | {"name": f"recording {i}"} for i in range(1500)], totals_of([row]))
+    assert "in the order of the table" in text
+    assert not drawn[0].axes[0].get_yticks().size
+    assert sorted(drawn[0].axes[0].get_ylim()) == [-1, 1500]
 
 
 def test_a_name_that_is_no_utf8_is_shown_as_far_as_it_can_be(tmp_path):

@@ -1,6 +1,8 @@
 """`odom calibrate` as a user calls it: files that `--camera` takes, and what it refuses and why."""
 
 import os
+import shlex
+import shutil
 import subprocess
 import sys
 from dataclasses import replace
@@ -60,6 +62,13 @@ def test_a_camera_at_rest_shows_nothing_and_nothing_is_written(tmp_path):
     assert status == 1, errors
     assert not out.exists()
     assert "not shown by this walk" in text or "walk on" in errors
+
+
+def test_the_advice_can_be_pasted_where_names_have_blanks(tmp_path):
+    recording, out = str(tmp_path / "a walk.mcap"), tmp_path / "my camera.yaml"
+    shutil.copy(RECORDING, recording)
+    advice = how_to_use(recording, out)
+    assert shlex.split(advice)[2:] == ["odom", "run", recording, "--camera", str(out)]
 
 
 @pytest.mark.parametrize("source", [str(RECORDING), "kinect", "arena"])

@@ -12,8 +12,10 @@ import pytest
 from matplotlib.figure import Figure
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
+from sheets import sheets_drawn
 from synthetic import T_BODY_CAMERA, mocap, odometry, smooth, trajectory
 
+from odom.cli.trajectories import frames_of_run
 from odom.errors import InputError
 from odom.evaluation import EvaluationOptions, Trajectory, align, evaluate, run_report, trajectory_plot
 from odom.evaluation.files import write_tum
@@ -94,9 +96,40 @@ def test_errors_of_an_estimate_that_began_later_are_drawn_at_their_time(scene):
     _, true, estimate, _ = scene
     later = evaluate(estimate.take(np.arange(450, 900)), true)
     axis = Figure().add_subplot()
-    trajectory_plot._draw_error(axis, evaluate(estimate, true), later)
+    trajectory_plot._draw_error(axis, int(estimate.stamps[0]), evaluate(estimate, true), later)
     starts = {line.get_label().split(",")[0]: line.get_xdata()[0] for line in axis.get_lines()}
     assert starts == {"corrected": 0.0, "online": pytest.approx(15.0)}
+
+
+def test_time_counts_from_the_first_pose_of_the_run_in_all_panels(run, scene, monkeypatch):
+    """The part that is judged is the longest: one before it is in the motions over a second alone."""
+    drawn = sheets_drawn(monkeypatch)
+    lines = (run / "trajectory.txt").read_text().splitlines(keepends=True)
+    (run / "trajectory.txt").write_text("".join(["# segment 0\n", *lines[:300], "# segment 1\n", *lines[300:]]))
+    report_with_truth(run)
+    begins = {
+        panel.get_title(loc="left"): min(float(np.nanmin(line.get_xdata())) for line in panel.get_lines())
+        for panel in drawn[0].axes
+        if panel.get_xlabel() == "time, s"
+    }
+    assert begins == {
+        "Distance from truth after alignment": pytest.approx(9.0, abs=0.1),
+        "Drift over one second against the claimed 3 sigma": 0.0,
+    }
+
+
+def test_the_largest_errors_are_in_the_histogram_and_below_the_legend(scene, monkeypatch):
+    _, true, estimate, _ = scene
+    off = estimate.T_world_body.copy()
+    off[400, 0, 3] += 1.0
+    report, axis, counts = evaluate(Trajectory(estimate.stamps, off), true), Figure().add_subplot(), []
+    draw = axis.hist
+    monkeypatch.setattr(axis, "hist", lambda *given, **named: counts.append(draw(*given, **named)[0]))
+    trajectory_plot._draw_histogram(axis, report, report)
+    assert [count.sum() for count in counts] == [900, 900]
+    axis = Figure().add_subplot()
+    trajectory_plot._draw_error(axis, int(estimate.stamps[0]), report, None)
+    assert axis.get_ylim()[1] > 1.2e3 * report.errors_m.max()
 
 
 def test_a_plot_that_cannot_be_written_costs_no_figure_and_is_counted(run):
@@ -125,6 +158,14 @@ def test_truth_of_another_time_gives_nulls_and_says_why(run, scene):
     assert report["ate_m"] is None
     assert report["matched"] == 0
     assert "clock" in report["truth_notes"][0]
+
+
+@pytest.mark.parametrize(("poses", "words"), [(1, "only 1 pose:"), (2, "only 2 poses:")])
+def test_an_estimate_of_too_few_poses_is_not_told_to_check_its_clock(scene, poses, words):
+    _, true, estimate, _ = scene
+    with pytest.raises(InputError, match=words) as refused:
+        evaluate(estimate.take(np.arange(poses)), true)
+    assert "clock" not in str(refused.value)
 
 
 def rewritten(path: Path, columns: list[int]) -> None:
@@ -242,6 +283,35 @@ def test_the_command_judges_a_run_and_writes_what_it_is_asked_for(run, tmp_path)
     assert "matched        900 / 900" in done.stdout
     assert json.loads(out.read_text())["matched"] == 900
     assert (tmp_path / "p.png").is_file()
+
+
+def test_the_command_counts_the_frames_of_a_run_as_its_report_does(run):
+    lines = (run / "trajectory.txt").read_text().splitlines(keepends=True)
+    (run / "trajectory.txt").write_text("".join(lines[:400]))
+    for report in ({"frames": 900, "tracked": 400}, {"frames": 800, "total": 900}):
+        (run / "report.json").write_text(json.dumps(report))
+        done = odom("eval", run)
+        assert "matched        400 / 900" in done.stdout
+        assert "only 400 of 900 frames" in done.stdout
+    for broken in ("", "[]", "{}", '{"frames": null}'):
+        (run / "report.json").write_text(broken)
+        assert frames_of_run(run) is None
+
+
+def test_the_command_writes_nees_as_the_runs_report_does(run, scene, tmp_path):
+    """Of a truth whose own noise shows: `mean` allows for it, as `nees_mean` does."""
+    rng, true, _, _ = scene
+    stamps = np.arange(true.stamps[0], true.stamps[-1], 8_333_333)
+    noisy, _ = true.at(stamps, 0.1)
+    noisy[:, :3, 3] += rng.normal(0.0, 0.002, (len(noisy), 3))
+    write_tum(run / "truth.txt", Trajectory(stamps, noisy))
+    expected = report_with_truth(run)
+    done = odom("eval", run, "--relative", run / "relative_second.txt", "--json", tmp_path / "figures.json")
+    assert done.returncode == 0, done.stderr
+    found = json.loads((tmp_path / "figures.json").read_text())["nees_relative_second"]
+    assert expected["nees_mean"] < 0.9 * expected["nees_mean_exact_truth"]
+    assert found == pytest.approx({name: expected[f"nees_{name}"] for name in found})
+    assert len(found) == 4
 
 
 def test_relative_poses_of_one_name_in_two_folders_are_both_written(run, tmp_path):

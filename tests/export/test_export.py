@@ -6,22 +6,29 @@ import subprocess
 import sys
 import threading
 import time
+from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import cv2
 import numpy as np
 import psutil
 import pytest
+from painted_room import SMALL
 from refused import process_as_it_was
+from room_survey import exact_survey
 from typer.testing import CliRunner
 
-from odom.backend import OdometrySettings
+from odom.backend import OdometrySettings, TrajectoryPose
 from odom.cli import app
 from odom.errors import OdomError
 from odom.evaluation.alignment import align
 from odom.export.rectify import pinhole_of
+from odom.export.scene import scene_of
 from odom.export.views import survey
 from odom.export.writing import Exporter, ExportOptions
+from odom.frame import Stamp
+from odom.frontend.camera.rolling_shutter import ShutterTiming
 from odom.geometry import se3
 from odom.rgbd_recording import read_recording
 
@@ -60,6 +67,38 @@ def test_a_folder_of_a_run_becomes_a_trajectory_and_nothing_else(tmp_path):
     assert np.loadtxt(tmp_path / "out" / "poses.txt")[1].tolist() == [1, 0, 0, 1, 0, 1, 0, 0, 0, 0, 1, 0]
     assert "give the recording" in export(run, "--to", "ply", "--out", tmp_path / "other", status=2)
     assert not (tmp_path / "other").exists()
+
+
+def test_the_counts_are_those_of_what_is_written_and_say_that_it_is_a_part(tmp_path, monkeypatch):
+    whole = exact_survey()
+    keyframes = whole.scene.keyframes[:4]
+    part = replace(whole.scene, trajectory=whole.scene.trajectory.take(np.arange(40)), keyframes=keyframes, parts=2)
+    monkeypatch.setattr("odom.export.views.survey", lambda *_: replace(whole, scene=part))
+    with process_as_it_was():
+        done = CliRunner().invoke(app, ["export", str(RECORDING), "--to", "tum", "--out", str(tmp_path / "out")])
+    seen = len(np.unique(np.concatenate([keyframe.landmarks for keyframe in keyframes])))
+    assert seen < len(whole.scene.points)
+    assert f"40 of 61 frames, the largest of 2 parts: 4 key frames, {seen} landmarks" in done.output
+    assert len((tmp_path / "out" / "trajectory.txt").read_text().splitlines()) >= 40
+
+
+def test_the_folder_of_a_run_in_parts_says_that_the_largest_is_written(tmp_path):
+    run = tmp_path / "run"
+    run.mkdir()
+    lines = [f"{i}.0 0 0 0 0 0 0 1\n" for i in range(1, 6)]
+    (run / "trajectory.txt").write_text("".join(["# segment 0\n", *lines[:2], "# segment 1\n", *lines[2:]]))
+    assert "the largest of 2 parts" in export(run, "--to", "tum", "--out", tmp_path / "out")
+
+
+def test_a_scene_is_of_the_largest_of_the_parts_that_it_counts():
+    poses = [TrajectoryPose(Stamp(i), np.eye(4), int(i > 2)) for i in range(8)]
+    none = np.zeros(0, dtype=bool)
+    landmarks = SimpleNamespace(alive=none, is_vague=lambda rows: none, position=np.zeros((0, 3)))
+    empty = SimpleNamespace(
+        members=lambda segment: [], landmarks=landmarks, registrations=SimpleNamespace(among=lambda keys: [])
+    )
+    scene = scene_of(SMALL, ShutterTiming(), poses, empty)
+    assert (len(scene.trajectory), scene.parts, scene.landmarks_seen) == (5, 2, 0)
 
 
 def test_what_a_mask_or_the_setting_marks_is_left_out(tmp_path):

@@ -68,6 +68,19 @@ def test_a_sharper_neighbour_stands_for_its_key_frame_with_its_own_pose():
     assert np.median(np.linalg.norm(uv - seen[2].uv, axis=1)) < 0.1
 
 
+def test_an_image_without_a_pose_stands_for_no_key_frame():
+    """A neighbour may have been LOST, or be of another part: its pose would be one of somewhere else."""
+    survey = exact_survey()
+    sharp = list(survey.sharpness)
+    sharp[21], sharp[22], sharp[58] = 9.0, 4.0, 9.0
+    whole = survey.scene.trajectory
+    is_kept = np.isin(np.arange(len(whole)), [21, *range(55, 61)], invert=True)
+    scene = replace(survey.scene, trajectory=whole.take(is_kept))
+    chosen = replace(survey, scene=scene, sharpness=tuple(sharp)).chosen(2)
+    assert chosen[survey.stamps[20]] == survey.stamps[22]
+    assert chosen[survey.stamps[60]] == survey.stamps[60]
+
+
 def test_an_undistorted_image_is_that_of_the_pinhole_camera():
     T = stroll(0.3)
     grey, depth_mm = ROOM.render(DISTORTED, T)

@@ -72,6 +72,18 @@ def test_history_is_put_before_what_is_known(earlier: int, later: int) -> None:
         assert kept.stamps[0] == 0
 
 
+@pytest.mark.parametrize("step_ms", [33, 1000])
+def test_a_gap_in_the_history_is_never_bridged_by_a_line(step_ms: int) -> None:
+    """A history of hours is thinned out: its steps are longer than what interrupts one that is whole."""
+    stamps = np.arange(90, dtype=np.int64) * step_ms * 1_000_000
+    stamps[30:] += 10_000_000_000
+    trail = BoundedTrajectory(200)
+    trail.add(Stamp(int(stamps[-1]) + 1), _pose(90))
+    trail.prepend(Trajectory(stamps, np.array([_pose(i) for i in range(90)])))
+    parts = lines(trail.trajectory().positions, trail.strips())
+    assert [(part[0, 0], part[-1, 0]) for part in parts] == [(0, 29), (30, 89)]
+
+
 @given(points=st.integers(2, 60), step=st.floats(0.01, 3.0))
 def test_dashes_of_two_phases_never_cover_each_other_and_lie_on_the_line(points: int, step: float) -> None:
     line = [np.array([[step * i, 0.0, 0.0] for i in range(points)], dtype=np.float32)]

@@ -2,13 +2,16 @@
 
 from collections import Counter
 from contextlib import suppress
+from pathlib import Path
 from unittest.mock import MagicMock
 
 import numpy as np
 import pytest
+import rerun as rr
 from hypothesis import given
 from hypothesis import strategies as st
 from made_up_device import BEGIN, PERIOD_NS, SMALL_CAMERA, T_WORLD_MAP, MadeUp, messages, true_pose
+from rerun.chunk import RrdReader
 
 from odom.errors import WireError
 from odom.frame import Camera, Stamp
@@ -16,12 +19,12 @@ from odom.frontend.matching.moving_surfaces import MovingCells
 from odom.geometry import se3
 from odom.service.estimate_messages import moving_message
 from odom.viewer import ViewerSettings, entities, palette
-from odom.viewer.entities import EntityUpdate
+from odom.viewer.entities import EntityUpdate, log_to, update
 from odom.viewer.keyframe_clouds import KeyframeClouds, back_project
 from odom.viewer.scene import Scene
 from odom.viewer.truth_alignment import in_map
 from odom.viewer.viewer_process import Viewer
-from odom.wire import Message, Topics, codec
+from odom.wire import Message, Topics, codec, truth
 from odom.wire.delivery import Delivery
 
 TOPICS = Topics("cam0")
@@ -164,6 +167,27 @@ def test_errors_are_those_of_the_published_pose(played: tuple[Scene, list[Entity
     assert bounds == sorted(bounds)  # its sigma grows with the frames
 
 
+def test_errors_are_judged_within_one_segment() -> None:
+    """Truth comes later than the poses: those of the segment before wait when the next one begins elsewhere."""
+    T_elsewhere = se3.exp(np.array([2.0, 0.0, 0.0, 0.0, 0.5, 0.0]))
+    scene, drawn = _scene(), []
+    for i in range(180):
+        segment, stamp = int(i >= 90), Stamp(BEGIN + i * PERIOD_NS)
+        T = T_elsewhere @ true_pose(i) if segment else true_pose(i)
+        at = Stamp(stamp - 5 * PERIOD_NS)
+        status = codec.Status(stamp, "odometry", 0, "", {"state": "TRACKING", "segment": str(segment)})
+        for message in (
+            codec.encode_pose(truth("camera"), at, T_WORLD_MAP @ true_pose(i - 5), "world"),
+            codec.encode_odometry(TOPICS.odom, stamp, T, 1e-6 * np.eye(6), "odom", "camera"),
+            codec.encode_pose(TOPICS.pose, stamp, T, "map"),
+            codec.encode_status(TOPICS.status, status),
+        ):
+            drawn += scene.handle(message)
+    errors = {item.stamp: _batch(item, "scalars")[0] for item in drawn if item.path == entities.POSITION_ERROR}
+    assert max(errors) > BEGIN + 150 * PERIOD_NS
+    assert max(errors.values()) < 5.0  # millimetres
+
+
 def test_same_messages_same_picture() -> None:
     options = MadeUp(frames=60, camera=SMALL_CAMERA)
     one, two = _play(_scene(), options), _play(_scene(), options)
@@ -198,6 +222,27 @@ def test_a_late_joiner_sees_the_whole_way_from_history_and_path() -> None:
         points = np.concatenate([np.array(s) for s in _batch(_last(drawn, path), "strips")])
         assert np.linalg.norm(points - true_pose(0)[:3, 3], axis=1).min() < 0.06
         assert len(points) > 60
+
+
+def test_who_joins_late_is_told_the_time_of_the_whole_way() -> None:
+    scene = _scene()
+    way = [(Stamp(BEGIN + i * PERIOD_NS), true_pose(i)) for i in range(510)]
+    scene.history(codec.encode_path("cam0/history/odom", way[-1][0], way, "odom"))
+    late = [frame for i, frame in enumerate(messages(MadeUp(frames=540, images=False), TOPICS)) if i >= 510]
+    drawn = [item for frame in late for message in frame for item in scene.handle(message)]
+    (text,) = _batch(_last([*drawn, *scene.trajectories()], entities.SUMMARY), "text")
+    assert f" m in {539 * PERIOD_NS * 1e-9:.1f} s" in text
+
+
+def test_the_newest_piece_of_a_line_does_not_lead_over_a_loss() -> None:
+    scene, drawn = _scene(), []
+    for i in [*range(90), *range(105, 110)]:
+        stamp, T = Stamp(BEGIN + i * PERIOD_NS), true_pose(i)
+        drawn += scene.handle(codec.encode_odometry(TOPICS.odom, stamp, T, 1e-6 * np.eye(6), "odom", "camera"))
+        drawn += scene.handle(codec.encode_pose(TOPICS.pose, stamp, T, "map"))
+    for line in (entities.ONLINE, entities.CORRECTED):
+        (tail,) = _batch(_last(drawn, f"{line}/tail"), "strips")
+        assert np.linalg.norm(np.diff(np.array(tail), axis=0), axis=1).max() < 0.05, line
 
 
 def test_memory_is_bounded_and_old_clouds_are_cleared() -> None:
@@ -262,6 +307,41 @@ def test_a_cloud_is_shown_once_its_place_is_known(path_first: bool) -> None:
     shown = [item for item in scene.handle(second) if item.path == entity]
     assert [type(item.parts[0]).__name__ for item in shown] == ["Points3D", "Transform3D"]
     assert not any(item.path == entity for item in [*scene.handle(path), *scene.handle(cloud)])
+
+
+def test_a_run_whose_stamps_go_back_is_shown_on_a_timeline_of_its_own() -> None:
+    """Rerun shows the end of a timeline: on that of the run before it would stand still there."""
+    session, recording, small, images = (MagicMock() for _ in range(4))
+    session.subscriber.side_effect = [small, images]
+    images.receive.return_value = None
+    frames = [
+        [message for message in frame if message.topic == TOPICS.odom]
+        for frame in messages(MadeUp(frames=180, camera=SMALL_CAMERA, images=False), TOPICS)
+    ]
+    deliveries = [Delivery(message) for frame in [*frames, *frames[:2]] for message in frame]
+    small.receive.side_effect = [*deliveries, None]
+    viewer = Viewer(session, TOPICS, ViewerSettings(), recording)
+    viewer.step(lambda: False, repeat=False)
+    named = [call.args[0] for call in recording.set_time.call_args_list]
+    assert list(dict.fromkeys(named)) == ["capture", "capture 2"]
+    assert named.index("capture 2") >= 180
+    (sent,) = recording.send_blueprint.call_args_list
+    assert sent.args[0].time_panel.timeline == "capture 2"
+
+
+def test_what_is_logged_on_one_timeline_is_on_no_other(tmp_path: Path) -> None:
+    recording, file = rr.RecordingStream("test"), tmp_path / "seen.rrd"
+    recording.set_sinks(rr.FileSink(file))
+    for timeline, stamp in (("capture", 9), ("capture 2", 5)):
+        log_to(recording, update(entities.LOG, Stamp(stamp), rr.TextLog(timeline)), timeline)
+    recording.flush()
+    recording.disconnect()
+    names = [
+        {name for name in chunk.to_record_batch().schema.names if name.startswith("capture")}
+        for chunk in RrdReader(file).stream()
+        if chunk.entity_path == f"/{entities.LOG}"
+    ]
+    assert sorted(names, key=sorted) == [{"capture"}, {"capture 2"}]
 
 
 def test_going_back_in_time_begins_a_new_run() -> None:

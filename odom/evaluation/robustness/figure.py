@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from math import ceil
 from pathlib import Path
+from textwrap import fill
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -20,10 +21,12 @@ _NAMES = {WRONG: "TRACKING and wrong", TRACKED: "tracked", UNCERTAIN: "UNCERTAIN
 _STYLE: dict[Any, Any] = {
     "font.family": "DejaVu Sans", "font.size": 9, "axes.titlesize": 10, "axes.titleweight": "bold",
     "axes.titlelocation": "left", "axes.spines.top": False, "axes.edgecolor": "#666666", "axes.linewidth": 0.8,
-    "legend.frameon": False, "xtick.color": "#444444", "ytick.color": "#444444",
+    "text.parse_math": False, "legend.frameon": False, "xtick.color": "#444444", "ytick.color": "#444444",
 }  # fmt: skip
 _COLUMNS = 4
 """Axes beside each other: four fit on a page's width with their labels readable."""
+_TITLE = 36
+"""Characters of a line of a panel's title, which is as wide as the panel then."""
 _ROOM = 1.6
 """Space on the logarithmic axis beyond the least and the largest ATE, a factor."""
 
@@ -76,7 +79,12 @@ def _draw(
     panel.plot(x, partial, "o", color=INK, mfc="white", ms=5)
     if unspoilt.ate_m:
         panel.axhline(2e3 * unspoilt.ate_m, color=INK, lw=0.8, ls=(0, (4, 3)))
-    panel.set(title=found.axis.title, yscale="log", ylim=limits, xlim=(-0.6, len(x) - 0.4))
+    panel.set(
+        title=fill(found.axis.title, _TITLE, break_on_hyphens=False),
+        yscale="log",
+        ylim=limits,
+        xlim=(-0.6, len(x) - 0.4),
+    )
     panel.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
     panel.yaxis.set_major_formatter(ScalarFormatter())
     panel.yaxis.set_minor_locator(NullLocator())

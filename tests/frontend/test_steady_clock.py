@@ -1,3 +1,5 @@
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -110,6 +112,79 @@ def test_how_unsure_steady_times_are_is_known_where_stamps_jitter_by_a_quarter_o
     errors = np.array([clock.steady - START_NS for clock in clocks]) * 1e-9 - true_s[60:]
     nees = (errors / [clock.sigma_s for clock in clocks]) ** 2
     assert nees.mean() < 3.0
+
+
+def times_of(period_s, until_s=20.0):
+    """Return the times (s) of frames whose period at any time is `period_s` of it."""
+    times = [0.0]
+    while times[-1] < until_s:
+        times.append(times[-1] + period_s(times[-1]))
+    return np.array(times)
+
+
+def swinging(by_s):
+    return lambda t: 1 / 30 + by_s * np.sin(2.1 * t)
+
+
+def slowing(to_s, within_s):
+    return lambda t: 1 / 30 + (to_s - 1 / 30) * np.clip((t - 5.0) / within_s, 0.0, 1.0)
+
+
+CHANGING_RATES = {
+    "33 to 50 ms in 1 s": slowing(0.05, 1.0),
+    "33 to 67 ms in 2 s": slowing(1 / 15, 2.0),
+    "33 to 40 ms in .5 s": slowing(0.04, 0.5),
+    "33 +- 3 ms": swinging(0.003),
+    "33 +- 10 ms": swinging(0.01),
+}
+with_changing_rates = pytest.mark.parametrize("period_s", CHANGING_RATES.values(), ids=CHANGING_RATES)
+
+
+@with_changing_rates
+def test_exact_stamps_stay_as_they_are_where_exposure_changes_the_rate(period_s):
+    clocks = list(clocks_of(stamps_of(times_of(period_s))))[30:]
+    assert np.abs([clock.late_s for clock in clocks]).max() < 0.002
+    assert max(clock.sigma_s for clock in clocks) < 0.001
+
+
+@with_changing_rates
+def test_how_unsure_steady_times_are_is_known_where_stamps_jitter_and_the_rate_changes(period_s):
+    true_s = times_of(period_s)
+    jitter_s = 0.0005 * np.random.default_rng(7).normal(size=len(true_s))
+    clocks = list(clocks_of(stamps_of(true_s + jitter_s)))[30:]
+    errors = np.array([clock.steady - START_NS for clock in clocks]) * 1e-9 - true_s[30:]
+    assert np.mean((errors / [clock.sigma_s for clock in clocks]) ** 2) < 4.0
+
+
+def test_a_rate_that_drifts_with_temperature_keeps_jitter_smoothed():
+    true_s = times_of(lambda t: (1.0 + 1e-5 * t) / 30.0)
+    jitter_s = 0.002 * np.random.default_rng(8).normal(size=len(true_s))
+    assert np.std(steady_errors_s(true_s, true_s + jitter_s)[60:]) < 0.45 * 0.002
+
+
+@pytest.mark.parametrize("count", [2, 3])
+def test_a_few_late_stamps_in_a_row_are_no_change_of_rate(count):
+    true_s = np.arange(400) / 30.0
+    stamped_s = true_s + 1e-5 * np.random.default_rng(9).normal(size=400)
+    stamped_s[150 : 150 + count] += 0.015
+    assert np.abs(steady_errors_s(true_s, stamped_s)).max() < 0.001
+
+
+@pytest.mark.parametrize("every_third_is_missing", [False, True])
+@pytest.mark.parametrize("jitter_s", [0.0, 0.002, 0.01])
+@pytest.mark.parametrize("by_s", [0.0, 0.003, 0.01])
+def test_steady_time_advances_wherever_stamps_do(by_s, jitter_s, every_third_is_missing):
+    true_s = times_of(swinging(by_s))
+    seconds = np.delete(true_s, np.s_[2::3]) if every_third_is_missing else true_s
+    stamps = stamps_of(np.sort(seconds + jitter_s * np.random.default_rng(10).normal(size=len(seconds))))
+    steady = np.array([clock.steady for clock in clocks_of(stamps)])
+    assert (np.diff(steady) > 0).all()
+
+
+@given(st.lists(st.integers(10**3, 10**9), max_size=60))
+def test_steady_time_advances_with_any_stamps_that_do(steps):
+    clocks = list(clocks_of([Stamp(START_NS + int(ns)) for ns in np.cumsum([0, *steps])]))
+    assert all(before.steady < after.steady for before, after in pairwise(clocks))
 
 
 @given(st.lists(st.integers(-(10**10), 10**10), max_size=60))

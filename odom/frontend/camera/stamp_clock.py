@@ -35,8 +35,9 @@ class StampClock:
 
     The newest stamp is `late_s` later than its steady time, known with one sigma of `sigma_s`; `period_s` is the
     stream's period and `jitter_s` one sigma of a single stamp, 0 where unknown. Where stamps are not multiples of a
-    period apart they are used as they are. After a stamp that is off by more than a host's delay and its jitter the
-    clock begins anew: in a stream that was thinned out, a missing frame shifts the later ones by a part of a period.
+    period apart they are used as they are; so they are where the rate changes, as it does with exposure in dim light.
+    After a stamp that is off by more than a host's delay and its jitter the clock begins anew: in a stream that was
+    thinned out, a missing frame shifts the later ones by a part of a period.
     """
 
     stamps: tuple[Stamp, ...] = ()
@@ -58,7 +59,14 @@ class StampClock:
         return max(TUNING.clock_longest_gap_s, TUNING.clock_longest_gap_periods * self.period_s)
 
     def after(self, stamp: Stamp) -> "StampClock":
-        """Return the clock after one more stamp."""
+        """Return the clock after one more stamp; steady time advances wherever stamps do."""
+        clock = self._fitted(stamp)
+        if not self.stamps or stamp <= self.stamps[-1] or clock.steady > self.steady:
+            return clock
+        return replace(clock, late_s=self.late_s, sigma_s=abs(clock.late_s - self.late_s))
+
+    def _fitted(self, stamp: Stamp) -> "StampClock":
+        """Return the clock with the line through the last stamps up to `stamp`."""
         if not self.stamps or not 0 < stamp - self.stamps[-1] < self._longest_gap_s * 1e9:
             return self._begun_anew(stamp)
         stamps = (*self.stamps, stamp)[-TUNING.clock_window :]
@@ -75,6 +83,10 @@ class StampClock:
             short = _periods(seconds, shorter, TUNING.clock_gain)
             if _unevenness(short, seconds) < TUNING.clock_even**2:
                 is_whole, periods = False, short
+        is_gapless = steps[-1] < 1.5 * period  # a missing frame would make a step of two periods
+        whiteness, jitter = _whiteness(every if is_whole or is_gapless else periods, seconds)
+        if whiteness < TUNING.clock_least_white:
+            return StampClock(stamps, 0.0, jitter, period, jitter)
         most_unsteady = TUNING.clock_most_unsteady_whole if is_whole else TUNING.clock_most_unsteady
         late, jitter, period = _fit_line(every if is_whole else periods, seconds, TUNING.clock_outlier)
         if jitter > most_unsteady * period:
@@ -110,6 +122,23 @@ def _unevenness(counts: Array, seconds: Array) -> float:
     count, second = counts.mean(), seconds.mean()
     slope = ((counts - count) * (seconds - second)).sum() / ((counts - count) ** 2).sum()
     return float((((seconds - second) / slope - (counts - count)) ** 2).mean())
+
+
+@compiled
+def _whiteness(counts: Array, seconds: Array) -> tuple[float, float]:
+    """Return how white the residuals of `seconds` (n) from a line over the `counts` are, and their jitter (s).
+
+    Half the mean square of their steps over their variance (J. von Neumann 1941) is near 1 where stamps jitter by
+    chance and near 0 where the line bends. The jitter is that of second differences, which no slow bend adds to.
+    """
+    count, second = counts.mean(), seconds.mean()
+    slope = ((counts - count) * (seconds - second)).sum() / ((counts - count) ** 2).sum()
+    residual = seconds - second - slope * (counts - count)
+    steps = residual[1:] - residual[:-1]
+    turns = steps[1:] - steps[:-1]
+    rounding = 1e-18
+    whiteness = (0.5 * (steps**2).mean() + rounding) / ((residual**2).mean() + rounding)
+    return whiteness, np.sqrt((turns**2).mean() / 6.0)
 
 
 @compiled

@@ -41,6 +41,10 @@ class Tuning:
         "line is drawn through stamps that have no period.")
     clock_most_unsteady_whole: float = tuned(0.4, unit="share of a period", source="stamps made up with all jitters",
         effect="As clock_most_unsteady, where no frame seems to be missing: then stamps without a period stray far.")
+    clock_least_white: float = tuned(0.25, unit="half of von Neumann's ratio",
+        source="by chance 1.1 +- .2 (J. von Neumann 1941), never below .4; on made-up streams .25 to .5 tried",
+        effect="Stamps are taken as they are where their distances from the line are less white: the rate changes. "
+        "Smaller: such changes pass for jitter; larger: a few late stamps in a row pass for a change.")
     clock_most_late_s: float = tuned(0.02, unit="s", source="recordings at 30 Hz that were thinned: 33 ms and more",
         effect="The line begins anew after a stamp that is off it by more. Smaller: late stamps of streams below 25 "
         "Hz are believed; larger: a frame missing before a slow stream was thinned out shifts the poses after it.")

@@ -22,7 +22,9 @@ _log = logging.getLogger(__name__)
 ECHO_S, FIRST_ECHO_S = 0.25, 0.02
 """Seconds between two round trips that relate the clocks, later and at first: more of them follow a drift closer."""
 FIRST_ECHOES = 8
-"""Round trips before the first pose is given out: the quickest of them relates the clocks; fewer may all be slow."""
+"""Round trips before the first pose, and the first after a silence, in which the server may have been started anew.
+
+The quickest of them relates the clocks; fewer may all be slow."""
 KEEP_ALIVE_S = 0.5
 """Seconds between two signs of life: a unicast server stops streaming to a client that is silent for some seconds."""
 SILENCE_S = 2.0
@@ -167,6 +169,7 @@ class NatNetClient:
                     continue
                 if silent:
                     _log.warning("the OptiTrack server streams again")
+                    self._echoes = 0
                 heard, silent = now, False
                 yield from self._poses_of(frame)
 

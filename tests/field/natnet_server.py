@@ -23,6 +23,7 @@ class NatNetServer:
     rate: float = 120.0
     frequency: int = 10_000_000
     drift_ppm: float = 40.0
+    origin_s: float = 1.6e9
     latency_s: float = 0.006
     command_port: int = 0
     address: str = "127.0.0.1"
@@ -54,7 +55,7 @@ class NatNetServer:
 
     def ticks(self, host_s: float) -> int:
         """The server's clock at the host's time."""
-        return int((host_s - 1.6e9) * (1 + self.drift_ppm * 1e-6) * self.frequency)
+        return int((host_s - self.origin_s) * (1 + self.drift_ppm * 1e-6) * self.frequency)
 
     def _answer(self) -> None:
         while not self._stop.is_set():

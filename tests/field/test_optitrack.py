@@ -99,6 +99,21 @@ def test_a_server_that_was_silent_is_heard_again() -> None:
         source.close()
 
 
+def test_poses_of_a_server_that_was_started_anew_carry_no_time_of_its_earlier_clock() -> None:
+    with NatNetServer({"rig": swing}) as server:
+        source = connect(server)
+        stream = source.messages()
+        next(stream)
+    down = time.time_ns()
+    threading.Timer(4.0, source.close).start()
+    time.sleep(2.2)
+    with NatNetServer({"rig": swing}, command_port=server.command_port, origin_s=time.time() - 30.0):
+        stamps = [message.stamp for message in stream]
+    after = [stamp for stamp in stamps if not down - 1e9 < stamp < down]
+    assert len(after) > 50
+    assert min(after) > down + 2e9
+
+
 def test_malformed_datagrams_are_counted_told_and_harmless(caplog: pytest.LogCaptureFixture) -> None:
     rng = random.Random(3)
 

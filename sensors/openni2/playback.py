@@ -10,6 +10,7 @@ from typing import Any
 from odom.errors import DeviceError, OdomError, RecordingError
 from odom.frame import Stamp
 from odom.wire import Message
+from odom.wire.recording.plain_name import named_plainly
 from sensors.openni2 import library
 from sensors.openni2.device import RawFrame, convert, factory_camera
 from sensors.openni2.messages import DeviceEncoder
@@ -45,9 +46,11 @@ class OniRecording:
 
     def _open(self) -> None:
         path, options = self._path, self._options
+        place = path.absolute()
         self._streams: list[Any] = []
         try:
-            self._device = self._api.Device(str(path.resolve()).encode())
+            with named_plainly(place, str(place).isascii()) as plain:  # the library crashes on other letters
+                self._device = self._api.Device(str(plain).encode())
         except self._api.OpenNIError as error:
             raise RecordingError(f"{path} cannot be read as .oni: {library.said(error)}") from error
         try:

@@ -300,6 +300,27 @@ def test_an_oni_recording_is_played_bit_by_bit_and_ends(kinects: Kinects, tmp_pa
     assert intervals == pytest.approx(np.round(intervals), rel=1e-4)
 
 
+def test_an_oni_file_is_opened_whatever_letters_its_name_has(kinects: Kinects, tmp_path: Path) -> None:
+    # In a process of its own: the library crashes on such names.
+    kinects(frames=60)
+    file = record_oni(tmp_path / "take.oni", 0.5)
+    (tmp_path / "Büro").mkdir()
+    script = """
+import sys
+from sensors.openni2 import open_kinect
+from sensors.source import SourceOptions
+
+source = open_kinect(f"kinect:{sys.argv[1]}", SourceOptions())
+assert sum(1 for _ in source.messages()) > 10
+assert sum(1 for _ in source.messages()) > 10
+"""
+    played = subprocess.run(
+        [sys.executable, "-c", script, file.rename(tmp_path / "Büro" / "Aufnahme ü.oni")],
+        capture_output=True, text=True, check=False, timeout=60,
+    )  # fmt: skip
+    assert played.returncode == 0, played.stderr[-2000:]
+
+
 def test_an_oni_file_can_be_played_and_closed_many_times(kinects: Kinects, tmp_path: Path) -> None:
     kinects(frames=60)
     file = record_oni(tmp_path / "take.oni", 0.5)

@@ -52,7 +52,7 @@ class NatNetClient:
 
     def __init__(self, server: str, settings: OptiTrackSettings) -> None:
         self._settings = settings
-        self.counters = {"frames": 0, "lost": 0, "malformed": 0, "untracked": 0, "foreign": 0}
+        self.counters = {"frames": 0, "lost": 0, "malformed": 0, "untracked": 0, "undated": 0, "foreign": 0}
         self.clock = ClockMapping()
         self._stop = threading.Event()
         self._names: dict[int, str] = {}
@@ -204,7 +204,11 @@ class NatNetClient:
             self._send(packets.packet(Id.REQUEST_MODELS))
         if self._echoes < FIRST_ECHOES:
             return
-        stamp = self.clock.to_host(self._server_ns(frame.exposed or frame.received))
+        ticks = frame.exposed or frame.received or frame.sent  # a take that is played back is only sent
+        if not ticks:
+            self.counters["undated"] += 1
+            return
+        stamp = self.clock.to_host(self._server_ns(ticks))
         for body in frame.bodies:
             name = self._names.get(body.identifier)
             if name is None:

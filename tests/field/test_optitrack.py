@@ -114,6 +114,20 @@ def test_poses_of_a_server_that_was_started_anew_carry_no_time_of_its_earlier_cl
     assert min(after) > down + 2e9
 
 
+def test_poses_of_a_take_that_is_played_back_have_the_time_of_sending_and_none_without_any() -> None:
+    with NatNetServer({"rig": swing}, times_known=(False, False, True)) as server:
+        source = connect(server, seconds=0.5)
+        errors = [time_error_ms(message) for message in source.messages()]
+        source.close()
+    assert len(errors) > 30
+    assert np.median(errors) == pytest.approx(1e3 * server.latency_s, abs=2.0)
+    with NatNetServer({"rig": swing}, times_known=(False, False, False)) as server:
+        source = connect(server)
+        threading.Timer(1.0, source.close).start()
+        assert list(source.messages()) == []
+        assert source.client.counters["undated"] > 30
+
+
 def test_malformed_datagrams_are_counted_told_and_harmless(caplog: pytest.LogCaptureFixture) -> None:
     rng = random.Random(3)
 

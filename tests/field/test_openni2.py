@@ -18,6 +18,9 @@ from virtual_kinect.device import Kinects, VirtualKinect, noise
 from odom.errors import ConfigError, DeviceError, RecordingError
 from odom.wire import Message, Topics
 from odom.wire.codec import decode_camera_info, decode_color, decode_depth, decode_status
+from sensors.calibration_file import Calibration, calibration_text
+from sensors.default_camera import kinect_camera
+from sensors.depth_registration import DepthRegistration, registration_text
 from sensors.openni2 import open_kinect
 from sensors.openni2.playback import OniRecording
 from sensors.source import Source, SourceOptions
@@ -319,6 +322,29 @@ assert sum(1 for _ in source.messages()) > 10
         capture_output=True, text=True, check=False, timeout=60,
     )  # fmt: skip
     assert played.returncode == 0, played.stderr[-2000:]
+
+
+def test_depth_of_an_oni_file_counts_as_registered_unless_the_calibration_says_how_it_is_not(
+    kinects: Kinects, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    kinects(frames=60)
+    file = record_oni(tmp_path / "take.oni", 0.5)
+    camera = kinect_camera(640, 480)
+    plain, two = tmp_path / "plain.yaml", tmp_path / "two.yaml"
+    plain.write_text(calibration_text(Calibration(camera)))
+    T_color_depth = np.eye(4)
+    T_color_depth[0, 3] = 0.025
+    two.write_text(plain.read_text() + registration_text(DepthRegistration(camera, camera, T_color_depth)))
+    depth = []
+    for calibration in (plain, two):
+        source = open_kinect(f"kinect:{file}", replace(options(), camera=calibration))
+        depth.append(decode_depth(next(images(source, TOPICS.depth, 1))))
+        source.close()
+    assert "NOT registered" not in caplog.text
+    frame_numbers(depth[:1], noise(60)[1])
+    assert not np.array_equal(*depth)
+    with pytest.raises(ConfigError, match="registration=software"):
+        open_kinect(f"kinect:{file}", replace(options(registration="software"), camera=plain))
 
 
 def test_an_oni_file_can_be_played_and_closed_many_times(kinects: Kinects, tmp_path: Path) -> None:

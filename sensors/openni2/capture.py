@@ -59,6 +59,7 @@ class DeviceCapture:
         self._departure: Departure | None = None
         self._heard = dict.fromkeys(STREAMS, time.monotonic())
         self._device: OpenDevice | None = None
+        self._others = set[str]()
         self.opened = self._open(wanted, library.devices())
         self.serial, self.name, self.uri = self.opened.serial, self.opened.name, self.opened.uri
         self._thread = threading.Thread(target=self._capture, name="openni2", daemon=True)
@@ -72,6 +73,7 @@ class DeviceCapture:
         if uri is None:
             raise advice.no_device(wanted, [str(device) for device in listed], advice.usb_cameras())
         self._device = OpenDevice(uri, self._settings)
+        self._others |= {device.uri for device in listed} - {uri}
         self._departure = Departure(uri)
         return self._device
 
@@ -155,9 +157,12 @@ class DeviceCapture:
             attempt += 1
             try:
                 listed = listing.look()
+                self._others &= {device.uri for device in listed}
+                if not self.serial:
+                    # The address of a USB device changes with every plugging in: any that was not there beside it.
+                    listed = tuple(device for device in listed if device.uri not in self._others)
                 if not listed:
                     continue
-                # The address of a USB device changes with every plugging in; without serial number any device is taken.
                 self.uri = self._open(self.serial, listed).uri
             except DeviceError as error:
                 if attempt % REMIND_EVERY == 1:

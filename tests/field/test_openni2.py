@@ -285,6 +285,34 @@ def test_a_device_returns_under_a_driver_that_lists_devices_only_at_its_start(
     assert "delivers no" not in caplog.text  # both were silent: no stream is missing
 
 
+def test_a_device_without_serial_number_is_not_replaced_by_another_that_was_there_all_along(kinects: Kinects) -> None:
+    # In a process of its own: once one of two devices was lost, the library may crash when it is loaded again.
+    kinect = kinects("a", loop=1, tells_serial=0)
+    kinects("b", loop=1, tells_serial=0)
+    script = """
+import os, threading
+from sensors.openni2 import open_kinect
+from sensors.source import SourceOptions
+
+source = open_kinect("kinect:virtual://a", SourceOptions())
+threading.Timer(4.0, source.close).start()
+for message in source.messages():
+    pass
+print(source.capture.uri, source.counters["reconnects"], flush=True)
+os._exit(0)
+"""
+    sensor = subprocess.Popen([sys.executable, "-c", script], stdout=subprocess.PIPE, text=True)
+    opened_by = time.monotonic() + 20
+    while not (kinect.folder / "settings.txt").exists() and time.monotonic() < opened_by:
+        time.sleep(0.05)
+    time.sleep(0.5)
+    kinect.unplug()
+    kinect.configure(uri="virtual://c")
+    time.sleep(1.0)
+    kinect.plug()
+    assert sensor.communicate(timeout=20)[0].split() == ["virtual://c", "1"]
+
+
 def test_an_oni_recording_is_played_bit_by_bit_and_ends(kinects: Kinects, tmp_path: Path) -> None:
     kinects(frames=60)
     file = record_oni(tmp_path / "take.oni", 1.0)

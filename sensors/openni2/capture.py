@@ -56,6 +56,7 @@ class DeviceCapture:
         self._waiting: queue.SimpleQueue[Received | None] = queue.SimpleQueue()
         self._failure: BaseException | None = None
         self.counters = {"images": 0, "lost": 0, "dropped": 0, "reconnects": 0}
+        self.end_s: float | None = None
         self._departure: Departure | None = None
         self._heard = dict.fromkeys(STREAMS, time.monotonic())
         self._device: OpenDevice | None = None
@@ -185,10 +186,25 @@ class DeviceCapture:
                 pass
             self._waiting.put(item)
 
+    def _left_s(self) -> float | None:
+        if self.end_s is None:
+            return None
+        left_s = self.end_s - time.monotonic()
+        if left_s <= 0:
+            raise queue.Empty
+        return left_s
+
     def received(self) -> Iterator[Received]:
-        """Yield the frames as they come, until `close`; raises what ended the reading."""
-        while (item := self._waiting.get()) is not None:
-            yield item
+        """Yield the frames as they come, until `close` or `end_s` (time.monotonic), if set meanwhile.
+
+        Raises what ended the reading.
+        """
+        self.end_s = None
+        try:
+            while (item := self._waiting.get(timeout=self._left_s())) is not None:
+                yield item
+        except queue.Empty:
+            return
         self._waiting.put(None)  # so that a second call ends too
         if self._failure is not None:
             raise self._failure

@@ -54,6 +54,7 @@ class NatNetClient:
         self._settings = settings
         self.counters = {"frames": 0, "lost": 0, "malformed": 0, "untracked": 0, "undated": 0, "foreign": 0}
         self.clock = ClockMapping()
+        self.end_s: float | None = None
         self._stop = threading.Event()
         self._names: dict[int, str] = {}
         self._echoes = 0
@@ -140,12 +141,18 @@ class NatNetClient:
                 self.counters["malformed"] += 1
 
     def poses(self) -> Iterator[BodyPose]:
-        """Yield the poses of the bodies that are tracked, as they come, until `close`."""
+        """Yield the poses of the bodies that are tracked, as they come, until `close` or `end_s` (time.monotonic).
+
+        `end_s` may be set once the poses have begun, which unset it.
+        """
+        self.end_s = None
         next_echo = next_alive = 0.0
         heard = time.monotonic()
         silent = False
         while not self._stop.is_set():
             now = time.monotonic()
+            if self.end_s is not None and now >= self.end_s:
+                return
             if now >= next_echo:
                 next_echo = now + (ECHO_S if self._echoes >= FIRST_ECHOES else FIRST_ECHO_S)
                 self._send(packets.echo_request(time.time_ns()))

@@ -226,6 +226,21 @@ def test_unplugged_and_replugged_ten_times_it_resumes_and_leaks_nothing(
     assert source.counters["reconnects"] == 10
 
 
+def test_seconds_end_a_take_though_the_device_is_gone(kinects: Kinects) -> None:
+    kinect = kinects(loop=1)
+    source = open_kinect("kinect", replace(options(), seconds=1.5))
+    stream = source.messages()
+    next(m for m in stream if m.topic == TOPICS.color)
+    begun = time.monotonic()
+    kinect.unplug()
+    closing = threading.Timer(6.0, source.close)
+    closing.start()
+    list(stream)
+    assert 1.0 < time.monotonic() - begun < 3.0
+    closing.cancel()
+    source.close()
+
+
 def unplugged_for(kinect: VirtualKinect, seconds: float, source: Source) -> float:
     """Take the device away for so long; return how long after that the first new image came, or fail."""
     stamps: queue.Queue[int] = queue.Queue()

@@ -99,6 +99,21 @@ def test_a_server_that_was_silent_is_heard_again() -> None:
         source.close()
 
 
+def test_seconds_end_a_take_though_the_server_is_silent() -> None:
+    with NatNetServer({"rig": swing}) as server:
+        source = connect(server, seconds=1.0)
+        stream = source.messages()
+        next(stream)
+        begun = time.monotonic()
+        server.silent = True
+        closing = threading.Timer(4.0, source.close)
+        closing.start()
+        list(stream)
+        assert 0.5 < time.monotonic() - begun < 2.0
+        closing.cancel()
+        source.close()
+
+
 def test_poses_of_a_server_that_was_started_anew_carry_no_time_of_its_earlier_clock() -> None:
     with NatNetServer({"rig": swing}) as server:
         source = connect(server)

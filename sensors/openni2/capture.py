@@ -56,6 +56,7 @@ class DeviceCapture:
         self._waiting: queue.SimpleQueue[Received | None] = queue.SimpleQueue()
         self._failure: BaseException | None = None
         self.counters = {"images": 0, "lost": 0, "dropped": 0, "reconnects": 0}
+        self._is_taken = False
         self.end_s: float | None = None
         self._departure: Departure | None = None
         self._heard = dict.fromkeys(STREAMS, time.monotonic())
@@ -148,7 +149,7 @@ class DeviceCapture:
         while self._waiting.qsize() >= WAITING:
             with suppress(queue.Empty):  # the consumer may have been quicker
                 self._waiting.get_nowait()
-                self.counters["dropped"] += 1
+                self.counters["dropped"] += self._is_taken
         self._waiting.put(received)
         self.counters["images"] += 1
 
@@ -199,7 +200,7 @@ class DeviceCapture:
 
         Raises what ended the reading.
         """
-        self.end_s = None
+        self._is_taken, self.end_s = True, None
         try:
             while (item := self._waiting.get(timeout=self._left_s())) is not None:
                 yield item

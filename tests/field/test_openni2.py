@@ -21,7 +21,7 @@ from odom.wire.codec import decode_camera_info, decode_color, decode_depth, deco
 from sensors.calibration_file import Calibration, calibration_text
 from sensors.default_camera import kinect_camera
 from sensors.depth_registration import DepthRegistration, registration_text
-from sensors.openni2 import open_kinect
+from sensors.openni2 import library, open_kinect
 from sensors.openni2.playback import OniRecording
 from sensors.source import Source, SourceOptions
 
@@ -124,6 +124,34 @@ def test_exposure_is_fixed_on_request(kinects: Kinects) -> None:
     open_kinect("kinect", options(auto_exposure="off")).close()
     assert kinect.set_by_application["color_auto_exposure"] == 0
     assert kinect.set_by_application["color_auto_white_balance"] == 0
+
+
+def test_exposure_that_cannot_be_fixed_is_told(
+    kinects: Kinects, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    kinects()
+    api = library.load()
+    asked = api.VideoStream.is_property_supported
+    automatic = api.c_api.ONI_STREAM_PROPERTY_AUTO_EXPOSURE
+    monkeypatch.setattr(
+        api.VideoStream, "is_property_supported", lambda stream, name: name != automatic and asked(stream, name)
+    )
+    open_kinect("kinect", options()).close()
+    assert "exposure" not in caplog.text
+    open_kinect("kinect", options(auto_exposure="off")).close()
+    assert "auto_exposure=off changes nothing" in caplog.text
+
+
+def test_images_that_nobody_takes_yet_are_not_dropped(kinects: Kinects) -> None:
+    kinects(loop=1)
+    source = open_kinect("kinect", options())
+    time.sleep(1.5)
+    assert source.counters["dropped"] == 0
+    stream = images(source, TOPICS.color, 1)
+    assert next(stream)
+    time.sleep(1.5)
+    assert source.counters["dropped"] > 20
+    source.close()
 
 
 @pytest.mark.parametrize("wanted", ["virtual://b", "B2"])

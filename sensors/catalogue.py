@@ -25,6 +25,8 @@ _TAKES = {
     "a recording": {"camera", "topics_from"} | _PLAYED,
 }
 """Which fields of SourceOptions each kind of source has a use for."""
+_TRUTH_ALONE = ("a motion capture server", "a Motive export")
+_LIVE_CAMERAS = ("a live camera", "a camera of ROS 2")
 _LONGEST_S = 1e8
 """Seconds of a source, three years: more is no length, but a date."""
 _MOST_NAMES = 1000
@@ -65,7 +67,7 @@ def open_source(spec: str, options: SourceOptions) -> Source:
         from sensors.ros2 import open_ros2
 
         return open_ros2(spec, options)
-    if kind in ("a motion capture server", "a Motive export"):
+    if kind in _TRUTH_ALONE:
         from sensors.optitrack import open_optitrack
 
         return open_optitrack(spec, options)
@@ -104,6 +106,17 @@ def check_source(spec: str, options: SourceOptions) -> None:
         optitrack_settings(spec, options)
     else:
         open_source(spec, options).close()
+
+
+def check_images(spec: str, again: bool = False) -> None:
+    """Raise ConfigError for a SOURCE without images and, where they are needed `again`, for one that is live."""
+    kind = _kind(spec)
+    if kind in _TRUTH_ALONE:
+        raise ConfigError(
+            f"{spec} is {kind} and has no images: give a camera, and beside it `odom sensor {spec} --namespace mocap`"
+        )
+    if again and kind in _LIVE_CAMERAS:
+        raise ConfigError(f"{spec} is live: record it first, as with `odom run {spec} --record walk.mcap`")
 
 
 def takes_calibration(spec: str) -> bool:

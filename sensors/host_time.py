@@ -74,8 +74,11 @@ class ClockMapping:
         self._fit()
 
     def _is_delay(self, device_ns: int, offset: int) -> bool:
-        """Return whether a pair far off the line came late; otherwise a clock was set. A delay lasts under a second."""
-        if offset < self.offset_ns(device_ns):
+        """Return whether a pair far off the line came late; otherwise a clock was set, or the device's began anew.
+
+        A delay lasts under a second.
+        """
+        if offset < self.offset_ns(device_ns) or device_ns < self._best[-1][0] - STEP_NS:
             return False
         if self._late_since is None:
             self._late_since = device_ns

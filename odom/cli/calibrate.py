@@ -66,7 +66,7 @@ def calibrate(
     from odom.service.progress import counting
     from odom.service.settings_sources import part_settings
     from odom.wire import Topics
-    from sensors.catalogue import check_source, open_source
+    from sensors.catalogue import check_images, check_source, open_source
     from sensors.folder_camera import depth_images_of
     from sensors.needed_images import NeededImages
     from sensors.source import SourceOptions
@@ -83,6 +83,7 @@ def calibrate(
         seconds=seconds, extra=pairs("--option", option),
     )  # fmt: skip
     for source in sources:
+        check_images(source, again=True)
         check_source(source, chosen)
     settings = part_settings("odometry", OdometrySettings, config, {})
     with ExitStack() as stack:

@@ -59,9 +59,10 @@ def doctor(
     from odom.evaluation.diagnosis import Verdict, examine
     from odom.service.mask_file import masked_by, read_mask
     from odom.service.source_sample import look_at
-    from sensors.catalogue import open_source
+    from sensors.catalogue import check_images, open_source
     from sensors.source import SourceOptions
 
+    check_images(source)
     cv2.setNumThreads(1)
     check_files(json_file)
     given = None if mask is None else read_mask(mask)

@@ -32,9 +32,10 @@ def mask(
     from odom.evaluation.diagnosis.fixed_parts import NOT_SHOWN, fixed_parts
     from odom.service.mask_file import write_mask
     from odom.service.source_sample import look_at
-    from sensors.catalogue import open_source
+    from sensors.catalogue import check_images, open_source
     from sensors.source import SourceOptions
 
+    check_images(source)
     if out.exists() and not overwrite:
         raise ConfigError(f"{out}: there already; give --overwrite or another --out")
     check_place("--out", out)

@@ -67,7 +67,7 @@ def run(
     from odom.service.settings import load_settings
     from odom.service.settings_sources import CONFIG_ENVIRONMENT
     from odom.wire.topics import Topics
-    from sensors.catalogue import open_source
+    from sensors.catalogue import check_images, open_source
     from sensors.source import SourceOptions
 
     if config is not None:
@@ -90,6 +90,7 @@ def run(
         raise ConfigError("--headless and --web contradict each other: give one of them")
     Topics(settings.wire.namespace)
     _check_sensor(source, sensor)
+    check_images(source)
     options.check_map(map_, localize)
     settings = options.with_mask(settings, mask)
     if record is not None:

@@ -1,8 +1,9 @@
 """A stretch of a source as received, with a record of what could not be used: the input of `odom doctor`."""
 
+import threading
 from collections import Counter
-from collections.abc import Callable, Iterable
-from contextlib import closing
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import closing, contextmanager
 from dataclasses import replace
 from itertools import islice, takewhile
 from typing import Any
@@ -27,6 +28,8 @@ _MOST_FRAMES = 900
 """Frames kept in memory, 0.9 MB each: 30 s at 30 Hz, the longest that may be asked for."""
 _RATE_HZ = 30
 """Frames a second of the usual sensor."""
+_POLL_S = 0.05
+"""Longest time until a request to end is noticed, in seconds."""
 _SEARCHED, _ENOUGH_STAMPS = 20_000, 30
 """Messages, some minutes of them, in which a stream that is missing so far is searched, and stamps that suffice."""
 
@@ -36,10 +39,29 @@ def look_at(opened: Source, topics: Topics, seconds: float, is_stopped: Callable
 
     Shows how far it is. Images that the source itself refused are counted.
     """
-    with closing(opened), counting("looking", round(_RATE_HZ * seconds)) as progress:
+    looking = counting("looking", round(_RATE_HZ * seconds))
+    with closing(opened), _closed_when(is_stopped, opened), looking as progress:
         messages = takewhile(lambda _: not is_stopped(), opened.messages())
         recording = collect(messages, topics, seconds, progress, opened.lossless)
     return replace(recording, refused={**recording.refused, **refused_images(opened)})
+
+
+@contextmanager
+def _closed_when(is_stopped: Callable[[], bool], source: Source) -> Iterator[None]:
+    """Close the source as soon as it is stopped, within the block: it may be waiting for a device that is silent."""
+    done = threading.Event()
+
+    def watch() -> None:
+        while not done.wait(_POLL_S):
+            if is_stopped():
+                source.close()
+                return
+
+    threading.Thread(target=watch, name="stop", daemon=True).start()
+    try:
+        yield
+    finally:
+        done.set()
 
 
 def collect(

@@ -137,10 +137,14 @@ def _check_endpoints(endpoints: tuple[str, ...]) -> None:
 def _listeners(settings: WireSettings) -> list[str]:
     """Return the endpoints to listen on; those that nobody asked for may be in use by another process already.
 
-    A router must have them all, since the others look for it there.
+    A router must have them all, since the others look for it there. Who finds a meeting point in use listens at another
+    port of that host: the others that meet there could not reach it else.
     """
-    listen = [where for where in settings.listen if settings.mode == "router" or not settings.left_to_ros2(where)]
-    demanded = [settings.mode == "router" or settings.on_purpose(where) for where in listen]
+    is_router = settings.mode == "router"
+    asked = [where for where in settings.listen if is_router or not settings.left_to_ros2(where)]
+    beside = [_IP_ENDPOINT.sub(r"\1/\2:0\4", where) for where in asked if where in settings.connect and not is_router]
+    listen = list(dict.fromkeys([*asked, *beside]))
+    demanded = [is_router or (where in asked and settings.on_purpose(where)) for where in listen]
     return [
         where if is_demanded else f"{where}{';' if '#' in where else '#'}exit_on_failure=false"
         for where, is_demanded in zip(secured(listen, settings.security), demanded, strict=True)

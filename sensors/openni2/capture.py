@@ -56,9 +56,12 @@ class DeviceCapture:
         self._waiting: queue.SimpleQueue[Received | None] = queue.SimpleQueue()
         self._failure: BaseException | None = None
         self.counters = {"images": 0, "lost": 0, "dropped": 0, "reconnects": 0}
+        self._is_taken = False
+        self.end_s: float | None = None
         self._departure: Departure | None = None
         self._heard = dict.fromkeys(STREAMS, time.monotonic())
         self._device: OpenDevice | None = None
+        self._others = set[str]()
         self.opened = self._open(wanted, library.devices())
         self.serial, self.name, self.uri = self.opened.serial, self.opened.name, self.opened.uri
         self._thread = threading.Thread(target=self._capture, name="openni2", daemon=True)
@@ -72,6 +75,7 @@ class DeviceCapture:
         if uri is None:
             raise advice.no_device(wanted, [str(device) for device in listed], advice.usb_cameras())
         self._device = OpenDevice(uri, self._settings)
+        self._others |= {device.uri for device in listed} - {uri}
         self._departure = Departure(uri)
         return self._device
 
@@ -145,7 +149,7 @@ class DeviceCapture:
         while self._waiting.qsize() >= WAITING:
             with suppress(queue.Empty):  # the consumer may have been quicker
                 self._waiting.get_nowait()
-                self.counters["dropped"] += 1
+                self.counters["dropped"] += self._is_taken
         self._waiting.put(received)
         self.counters["images"] += 1
 
@@ -155,9 +159,12 @@ class DeviceCapture:
             attempt += 1
             try:
                 listed = listing.look()
+                self._others &= {device.uri for device in listed}
+                if not self.serial:
+                    # The address of a USB device changes with every plugging in: any that was not there beside it.
+                    listed = tuple(device for device in listed if device.uri not in self._others)
                 if not listed:
                     continue
-                # The address of a USB device changes with every plugging in; without serial number any device is taken.
                 self.uri = self._open(self.serial, listed).uri
             except DeviceError as error:
                 if attempt % REMIND_EVERY == 1:
@@ -180,10 +187,25 @@ class DeviceCapture:
                 pass
             self._waiting.put(item)
 
+    def _left_s(self) -> float | None:
+        if self.end_s is None:
+            return None
+        left_s = self.end_s - time.monotonic()
+        if left_s <= 0:
+            raise queue.Empty
+        return left_s
+
     def received(self) -> Iterator[Received]:
-        """Yield the frames as they come, until `close`; raises what ended the reading."""
-        while (item := self._waiting.get()) is not None:
-            yield item
+        """Yield the frames as they come, until `close` or `end_s` (time.monotonic), if set meanwhile.
+
+        Raises what ended the reading.
+        """
+        self._is_taken, self.end_s = True, None
+        try:
+            while (item := self._waiting.get(timeout=self._left_s())) is not None:
+                yield item
+        except queue.Empty:
+            return
         self._waiting.put(None)  # so that a second call ends too
         if self._failure is not None:
             raise self._failure

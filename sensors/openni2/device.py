@@ -66,7 +66,9 @@ class OpenDevice:
         for stream in (self._color, self._depth):
             if stream.is_property_supported(_MIRRORING):
                 stream.set_mirroring_enabled(False)
-        if self._color.camera is not None and not settings.auto_exposure:
+        if not settings.auto_exposure and self._color.camera is None:
+            _log.warning("%s: its driver cannot fix the exposure: auto_exposure=off changes nothing", self.uri)
+        elif not settings.auto_exposure:
             self._color.camera.set_auto_exposure(False)
             self._color.camera.set_auto_white_balance(False)
         for stream in (self._color, self._depth):

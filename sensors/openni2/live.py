@@ -66,7 +66,6 @@ class LiveKinect:
         """Yield calibration, colour and depth as they arrive; raises DeviceError when the device never delivers."""
         clock = DeviceClock()
         connection = 0
-        begun: float | None = None
         news_ns = 0
         arriving = self.capture.received()
         first = next(arriving, None)
@@ -81,9 +80,8 @@ class LiveKinect:
             if stamp is None:
                 self._unstamped += 1
                 continue
-            begun = time.monotonic() if begun is None else begun  # the clock of the stamps may be set meanwhile
-            if self._seconds is not None and time.monotonic() - begun >= self._seconds:
-                return
+            if self._seconds is not None and self.capture.end_s is None:
+                self.capture.end_s = time.monotonic() + self._seconds  # the clock of the stamps may be set meanwhile
             if abs(stamp - news_ns) >= NEWS_EVERY_NS:
                 news_ns = stamp
                 yield self._news(stamp, clock)

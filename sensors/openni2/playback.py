@@ -10,10 +10,13 @@ from typing import Any
 from odom.errors import DeviceError, OdomError, RecordingError
 from odom.frame import Stamp
 from odom.wire import Message
+from odom.wire.recording.plain_name import named_plainly
+from sensors.calibration_file import load_calibration
+from sensors.depth_registration import load_depth_registration
 from sensors.openni2 import library
 from sensors.openni2.device import RawFrame, convert, factory_camera
 from sensors.openni2.messages import DeviceEncoder
-from sensors.openni2.settings import KinectSettings
+from sensors.openni2.settings import KinectSettings, Registration
 from sensors.source import SourceOptions
 
 FIRST_NS = 1_000_000_000
@@ -22,6 +25,17 @@ PATIENCE_S = 2.0
 """Seconds to wait for a frame that the file's index announces: shorter takes a slow disk for a cut file."""
 _PLAYER_STOPS_S = 0.1
 """Seconds between stopping and closing streams: the library crashes when its thread has not noticed the stop."""
+
+
+def _is_registered(options: SourceOptions, wanted: Registration) -> bool:
+    """Return whether to take depth for registered by the driver that recorded it, which an .oni file does not say.
+
+    It is, unless software is asked to do it, or the calibration says how the depth camera stands.
+    """
+    if options.camera is None:
+        return True
+    color = load_calibration(options.camera).camera
+    return wanted is not Registration.SOFTWARE and load_depth_registration(options.camera, color) is None
 
 
 class OniRecording:
@@ -45,9 +59,11 @@ class OniRecording:
 
     def _open(self) -> None:
         path, options = self._path, self._options
+        place = path.absolute()
         self._streams: list[Any] = []
         try:
-            self._device = self._api.Device(str(path.resolve()).encode())
+            with named_plainly(place, str(place).isascii()) as plain:  # the library crashes on other letters
+                self._device = self._api.Device(str(plain).encode())
         except self._api.OpenNIError as error:
             raise RecordingError(f"{path} cannot be read as .oni: {library.said(error)}") from error
         try:
@@ -58,7 +74,7 @@ class OniRecording:
             mode = self._streams[0].get_video_mode()
             read = self._settings.model_copy(update={"size": f"{mode.resolutionX}x{mode.resolutionY}"})
             self._encoder = DeviceEncoder(
-                options, read, factory_camera(self._streams[0]), registered=options.camera is None
+                options, read, factory_camera(self._streams[0]), _is_registered(options, read.registration)
             )
             self._counts = [int(stream.get_number_of_frames()) for stream in self._streams]
             self._left = list(self._counts)

@@ -14,6 +14,7 @@ from odom.errors import SourceError, WireError
 from odom.frame import Stamp
 from sensors.host_time import ClockMapping
 from sensors.optitrack import packets
+from sensors.optitrack.names import names_of
 from sensors.optitrack.packets import Body, Frame, Id, ServerInfo
 from sensors.optitrack.settings import OptiTrackSettings
 
@@ -22,11 +23,13 @@ _log = logging.getLogger(__name__)
 ECHO_S, FIRST_ECHO_S = 0.25, 0.02
 """Seconds between two round trips that relate the clocks, later and at first: more of them follow a drift closer."""
 FIRST_ECHOES = 8
-"""Round trips before the first pose is given out: the quickest of them relates the clocks; fewer may all be slow."""
+"""Round trips before the first pose, and that after a silence (the server may be a new one): the quickest counts."""
 KEEP_ALIVE_S = 0.5
 """Seconds between two signs of life: a unicast server stops streaming to a client that is silent for some seconds."""
 SILENCE_S = 2.0
 """Seconds without a frame after which the server is asked again: shorter asks in vain in pauses, longer loses truth."""
+ASK_AGAIN_S = 1.0
+"""Seconds between two requests for the names of bodies: shorter burdens a server that does not say them."""
 MOST_LOST = 1_000_000
 """A larger jump of frame numbers is a server that was started anew, of which no more than this counts as lost."""
 _BUFFER = 1 << 20
@@ -50,13 +53,16 @@ class NatNetClient:
 
     def __init__(self, server: str, settings: OptiTrackSettings) -> None:
         self._settings = settings
-        self.counters = {"frames": 0, "lost": 0, "malformed": 0, "untracked": 0, "foreign": 0}
+        self.counters = {"frames": 0, "lost": 0, "malformed": 0, "untracked": 0, "undated": 0, "foreign": 0}
         self.clock = ClockMapping()
+        self.end_s: float | None = None
         self._stop = threading.Event()
         self._names: dict[int, str] = {}
         self._echoes = 0
+        self._asked = -ASK_AGAIN_S
         self._last_frame: int | None = None
         self._sockets: list[socket.socket] = []
+        self._groups = set[tuple[str, int]]()
         self.server: ServerInfo | None = None
         try:
             self._address = socket.gethostbyname(server), settings.command_port
@@ -89,8 +95,7 @@ class NatNetClient:
                 self._wait(0.3)
             except WireError as error:
                 problem = f" ({error})"
-        if self.server.multicast:
-            self._join(self.server.multicast, self.server.data_port)
+        self._join(self.server)
         self._send(packets.packet(Id.REQUEST_MODELS))
         _log.info(
             "OptiTrack %s, NatNet %d.%d, %s",
@@ -99,14 +104,18 @@ class NatNetClient:
             f"multicast {self.server.multicast}:{self.server.data_port}" if self.server.multicast else "unicast",
         )
 
-    def _join(self, group: str, port: int) -> None:
+    def _join(self, server: ServerInfo) -> None:
+        """Listen to the group to which the server streams, if there is one that is not listened to yet."""
+        if server.multicast is None or (group := (server.multicast, server.data_port)) in self._groups:
+            return
         data = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._sockets.append(data)
         data.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         data.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _BUFFER)
-        data.bind((group, port))
+        data.bind(group)
         local = socket.inet_aton(self._settings.local or "0.0.0.0")
-        data.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, socket.inet_aton(group) + local)
+        data.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, socket.inet_aton(server.multicast) + local)
+        self._groups.add(group)
 
     def _wait(self, seconds: float) -> None:
         """Handle datagrams until the server has said who it is, for at most `seconds`; raises what is wrong with it."""
@@ -138,12 +147,15 @@ class NatNetClient:
                 self.counters["malformed"] += 1
 
     def poses(self) -> Iterator[BodyPose]:
-        """Yield the poses of the bodies that are tracked, as they come, until `close`."""
+        """Yield the poses of tracked bodies as they come, until `close` or `end_s` (time.monotonic), if set later."""
+        self.end_s = None
         next_echo = next_alive = 0.0
         heard = time.monotonic()
         silent = False
         while not self._stop.is_set():
             now = time.monotonic()
+            if self.end_s is not None and now >= self.end_s:
+                return
             if now >= next_echo:
                 next_echo = now + (ECHO_S if self._echoes >= FIRST_ECHOES else FIRST_ECHO_S)
                 self._send(packets.echo_request(time.time_ns()))
@@ -167,6 +179,7 @@ class NatNetClient:
                     continue
                 if silent:
                     _log.warning("the OptiTrack server streams again")
+                    self._echoes = 0
                 heard, silent = now, False
                 yield from self._poses_of(frame)
 
@@ -177,7 +190,10 @@ class NatNetClient:
         if identifier == Id.FRAME:
             return packets.read_frame(payload, server.version)
         if identifier == Id.MODELS:
-            self._names = packets.read_models(payload, server.version)
+            names, fault = names_of(packets.read_models(payload, server.version), self._settings.body)
+            if fault and names != self._names:
+                _log.warning("%s", fault)
+            self._names = names
         elif identifier == Id.ECHO_RESPONSE:
             sent_ns, ticks = packets.read_echo(payload)
             round_trip = received_ns - sent_ns
@@ -187,6 +203,10 @@ class NatNetClient:
             self.clock.observe(self._server_ns(ticks), sent_ns + round_trip // 2, round_trip)
         elif identifier == Id.SERVER_INFO:
             self.server = packets.read_server_info(payload)
+            try:
+                self._join(self.server)
+            except OSError as error:
+                _log.error("multicast %s:%d cannot be heard: %s", self.server.multicast, self.server.data_port, error)
         return None
 
     def _server_ns(self, ticks: int) -> int:
@@ -197,11 +217,17 @@ class NatNetClient:
             self.counters["lost"] += max(0, min(frame.number - self._last_frame - 1, MOST_LOST))
         self._last_frame = frame.number
         self.counters["frames"] += 1
-        if frame.models_changed or any(body.identifier not in self._names for body in frame.bodies):
+        is_due = time.monotonic() - self._asked >= ASK_AGAIN_S
+        if frame.models_changed or (is_due and any(body.identifier not in self._names for body in frame.bodies)):
+            self._asked = time.monotonic()
             self._send(packets.packet(Id.REQUEST_MODELS))
         if self._echoes < FIRST_ECHOES:
             return
-        stamp = self.clock.to_host(self._server_ns(frame.exposed or frame.received))
+        ticks = frame.exposed or frame.received or frame.sent  # a take that is played back is only sent
+        if not ticks:
+            self.counters["undated"] += 1
+            return
+        stamp = self.clock.to_host(self._server_ns(ticks))
         for body in frame.bodies:
             name = self._names.get(body.identifier)
             if name is None:

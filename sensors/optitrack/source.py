@@ -1,5 +1,6 @@
 """OptiTrack as a source of truth: a NatNet server live, or a CSV file exported from Motive."""
 
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -32,11 +33,9 @@ class OptiTrackSource:
 
     def messages(self) -> Iterator[Message]:
         """Yield the poses as they come."""
-        first: int | None = None
         for pose in self.client.poses():
-            first = pose.stamp if first is None else first
-            if self._seconds is not None and pose.stamp - first >= self._seconds * 1e9:
-                return
+            if self._seconds is not None and self.client.end_s is None:
+                self.client.end_s = time.monotonic() + self._seconds
             T = _matrix(pose, self._y_up)
             if T is not None:
                 yield encode_pose(truth(pose.name), pose.stamp, T, MOCAP_FRAME)

@@ -1,6 +1,7 @@
 """A small NatNet server, written from the protocol's description: streams rigid bodies over unicast or multicast UDP.
 
-Its clock has its own frequency, origin and drift; a frame is stamped with the middle of its exposure and sent later.
+Its clock has its own frequency, origin and drift; a frame is stamped with the middle of its exposure, where that is of
+`times_known` (exposure, receipt, sending), and sent later.
 """
 
 import socket
@@ -23,10 +24,12 @@ class NatNetServer:
     rate: float = 120.0
     frequency: int = 10_000_000
     drift_ppm: float = 40.0
+    origin_s: float = 1.6e9
     latency_s: float = 0.006
     command_port: int = 0
     address: str = "127.0.0.1"
     silent: bool = False
+    times_known: tuple[bool, bool, bool] = (True, True, True)
     garble: Callable[[bytes], bytes] | None = None
     sent: int = 0
     _clients: dict[tuple[str, int], float] = field(default_factory=dict)
@@ -54,7 +57,7 @@ class NatNetServer:
 
     def ticks(self, host_s: float) -> int:
         """The server's clock at the host's time."""
-        return int((host_s - 1.6e9) * (1 + self.drift_ppm * 1e-6) * self.frequency)
+        return int((host_s - self.origin_s) * (1 + self.drift_ppm * 1e-6) * self.frequency)
 
     def _answer(self) -> None:
         while not self._stop.is_set():
@@ -147,6 +150,7 @@ class NatNetServer:
         frame += 2 * (struct.pack("<I", 0) + self._sized(b""))  # force plates, devices
         exposed = self.ticks(exposed_s)
         received, sent = self.ticks(exposed_s + 0.004), self.ticks(exposed_s + self.latency_s)
-        frame += struct.pack("<IId3Q", 0, 0, number / self.rate, exposed, received, sent)
+        times = (ticks * known for ticks, known in zip((exposed, received, sent), self.times_known, strict=True))
+        frame += struct.pack("<IId3Q", 0, 0, number / self.rate, *times)
         frame += struct.pack("<II", 0, 0) if self.version >= (4, 1) else b""
         return frame + struct.pack("<HI", 0, 0)

@@ -49,6 +49,16 @@ def test_a_delay_is_no_step_but_a_clock_that_was_set_is() -> None:
         assert abs(mapping.to_host(599 * 33_333_333) - (START + 599 * 33_333_333 + shift)) < 1_000_000
 
 
+def test_a_device_clock_that_begins_anew_is_followed_at_once() -> None:
+    mapping = ClockMapping()
+    for index in range(300):
+        begun = 200 if index >= 200 else 0
+        host_ns, device_ns = START + index * 33_333_333, (index - begun) * 33_333_333
+        mapping.observe(device_ns, host_ns)
+        assert abs(mapping.to_host(device_ns) - host_ns) < 1000
+    assert mapping.resets == 1
+
+
 def test_memory_is_bounded() -> None:
     mapping = ClockMapping()
     for second in range(1000):

@@ -99,6 +99,103 @@ def test_a_server_that_was_silent_is_heard_again() -> None:
         source.close()
 
 
+def test_seconds_end_a_take_though_the_server_is_silent() -> None:
+    with NatNetServer({"rig": swing}) as server:
+        source = connect(server, seconds=1.0)
+        stream = source.messages()
+        next(stream)
+        begun = time.monotonic()
+        server.silent = True
+        closing = threading.Timer(4.0, source.close)
+        closing.start()
+        list(stream)
+        assert 0.5 < time.monotonic() - begun < 2.0
+        closing.cancel()
+        source.close()
+
+
+def test_a_server_that_turns_from_unicast_to_multicast_is_heard_again() -> None:
+    with NatNetServer({"rig": swing}) as server:
+        source = connect(server)
+        stream = source.messages()
+        next(stream)
+    closing = threading.Timer(8.0, source.close)
+    closing.start()
+    with NatNetServer({"rig": swing}, command_port=server.command_port, multicast="239.255.42.98"):
+        turned = time.time_ns()
+        assert any(message.stamp > turned for message in stream)
+    closing.cancel()
+    source.close()
+
+
+def test_bodies_that_would_share_a_key_are_told_apart_by_their_number(caplog: pytest.LogCaptureFixture) -> None:
+    bodies = {"Kopf ä": swing, "Kopf ö": swing, "rig": swing, "long" * 20 + "1": swing, "long" * 20 + "2": swing}
+    with NatNetServer(bodies) as server:
+        source = connect(server, seconds=0.5)
+        topics = {message.topic for message in source.messages()}
+        source.close()
+        assert {"truth/Kopf___1/pose", "truth/Kopf___2/pose", "truth/rig/pose"} < topics
+        assert len(topics) == len(bodies)
+        assert caplog.text.count("Kopf ä_1") == 1
+        source = connect(server, seconds=0.3, body="Kopf ö")
+        assert {message.topic for message in source.messages()} == {"truth/Kopf__/pose"}
+        source.close()
+
+
+def test_a_body_that_is_not_there_is_told_with_those_that_are(caplog: pytest.LogCaptureFixture) -> None:
+    with NatNetServer({"rig": swing, "wand": swing}) as server:
+        source = connect(server, body="wnad")
+        threading.Timer(0.6, source.close).start()
+        assert list(source.messages()) == []
+    assert [r.getMessage() for r in caplog.records if "wnad" in r.getMessage()] == [
+        "no rigid body is called 'wnad': there are rig, wand"
+    ]
+
+
+def test_descriptions_of_bodies_that_are_not_described_are_asked_for_once_a_second() -> None:
+    asked: list[float] = []
+
+    class Reticent(NatNetServer):
+        def _models(self) -> bytes:
+            asked.append(time.monotonic())
+            return bytes(4)
+
+    with Reticent({"rig": swing}) as server:
+        source = connect(server)
+        threading.Timer(1.5, source.close).start()
+        assert list(source.messages()) == []
+    assert 2 <= len(asked) <= 5
+
+
+def test_poses_of_a_server_that_was_started_anew_carry_no_time_of_its_earlier_clock() -> None:
+    with NatNetServer({"rig": swing}) as server:
+        source = connect(server)
+        stream = source.messages()
+        next(stream)
+    down = time.time_ns()
+    threading.Timer(4.0, source.close).start()
+    time.sleep(2.2)
+    with NatNetServer({"rig": swing}, command_port=server.command_port, origin_s=time.time() - 30.0):
+        stamps = [message.stamp for message in stream]
+    after = [stamp for stamp in stamps if not down - 1e9 < stamp < down]
+    assert len(after) > 50
+    assert min(after) > down + 2e9
+
+
+def test_poses_of_a_take_that_is_played_back_have_the_time_of_sending_and_none_without_any() -> None:
+    with NatNetServer({"rig": swing}, times_known=(False, False, True)) as server:
+        source = connect(server, seconds=0.5)
+        errors = [time_error_ms(message) for message in source.messages()]
+        source.close()
+    assert len(errors) > 30
+    assert np.median(errors) == pytest.approx(1e3 * server.latency_s, abs=2.0)
+    with NatNetServer({"rig": swing}, times_known=(False, False, False)) as server:
+        source = connect(server)
+        threading.Timer(1.0, source.close).start()
+        assert list(source.messages()) == []
+        assert source.client.counters["undated"] > 30
+
+
 def test_malformed_datagrams_are_counted_told_and_harmless(caplog: pytest.LogCaptureFixture) -> None:
     rng = random.Random(3)
 

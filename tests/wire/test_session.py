@@ -3,6 +3,7 @@ import threading
 import time
 from collections import Counter
 from collections.abc import Callable
+from contextlib import ExitStack
 from dataclasses import replace
 from random import Random
 from typing import Literal
@@ -348,3 +349,15 @@ def test_receiving_a_message_maps_no_memory(open_peer: OpenSession) -> None:
 
     receive(1000)
     assert min(receive(5000) for _ in range(4)) < 2500
+
+
+def test_all_processes_of_the_same_meeting_point_hear_each_other(endpoint: str) -> None:
+    settings = WireSettings(connect=(endpoint,), listen=(endpoint,))
+    with ExitStack() as stack:
+        first, second, third = (stack.enter_context(open_session(settings)) for _ in range(3))
+        subscribers = [session.subscriber(["a"]) for session in (first, second)]
+        publisher = third.publisher()
+        assert eventually(lambda: len(third.zenoh.info.peers_zid()) == 2, timeout=5.0)
+        meet(third, "a")
+        publisher.put(encode_text("a", Stamp(1), "1"))
+        assert all(subscriber.receive(5.0) for subscriber in subscribers)

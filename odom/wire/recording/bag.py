@@ -5,7 +5,6 @@ from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager
 from functools import lru_cache
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 from odom.errors import RecordingError, WireError
@@ -13,6 +12,7 @@ from odom.frame import Stamp
 from odom.wire.codec import cdr
 from odom.wire.message import Message
 from odom.wire.recording.bag_folder import bag_folder
+from odom.wire.recording.plain_name import named_plainly
 from odom.wire.recording.reader import RecordingReader, stamp_in
 
 ROS1_SUFFIX = ".bag"
@@ -100,7 +100,7 @@ class RosbagsReader(RecordingReader):
 
         try:
             with (
-                _named_plainly(self.path) as path,
+                named_plainly(self.path, not _misleads_sqlite(*self.path.absolute().parents, self.path)) as path,
                 rosbag1.Reader(path) if self._is_ros1 else rosbag2.Reader(path) as bag,
             ):
                 yield bag
@@ -137,15 +137,3 @@ def _ros1() -> Any:
 def _misleads_sqlite(*files: Path) -> bool:
     """Return whether a name holds what has a meaning in a URI, as which rosbags gives it to SQLite unchanged."""
     return any(not _URI_SIGNS.isdisjoint(file.name) for file in files)
-
-
-@contextmanager
-def _named_plainly(path: Path) -> Iterator[Path]:
-    """Yield a file or folder under a name that does not mislead SQLite: its own, or for so long a link to it."""
-    if not _misleads_sqlite(*path.absolute().parents, path):
-        yield path
-        return
-    with TemporaryDirectory(prefix="odom-bag-") as folder:
-        link = Path(folder) / f"bag{path.suffix if path.is_file() else ''}"
-        link.symlink_to(path.absolute())
-        yield link

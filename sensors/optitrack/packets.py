@@ -67,12 +67,13 @@ class Body:
 
 @dataclass(frozen=True)
 class Frame:
-    """One frame: `exposed` (middle of exposure) and `received` are ticks of the server's clock (0 unknown)."""
+    """One frame: `exposed` (middle), `received` and `sent` are times in ticks of the server's clock (0 unknown)."""
 
     number: int
     bodies: tuple[Body, ...]
     exposed: int
     received: int
+    sent: int
     models_changed: bool
 
 
@@ -231,7 +232,7 @@ def read_frame(payload: bytes, version: Version) -> Frame:
         raise WireError("NatNet frame does not end where it should")
     if exposed and not exposed <= received <= sent:
         raise WireError("NatNet frame was sent before it was taken")
-    return Frame(number, bodies, int(exposed), int(received), bool(int(flags) & 2))
+    return Frame(number, bodies, int(exposed), int(received), int(sent), bool(int(flags) & 2))
 
 
 def _body(reader: _Reader) -> Body:

@@ -101,6 +101,14 @@ def test_paths_of_this_project_are_there(document):
         assert (PROJECT / path).exists(), f"{document.name}: {path}"
 
 
+def test_modules_that_the_pages_name_alone_exist():
+    there = {path.name for folder in ("odom", "sensors", "tests") for path in (PROJECT / folder).rglob("*.py")}
+    pages = [document for document in DOCUMENTS if document.name != "CHANGELOG.md"]
+    named = {name for document in pages for name in re.findall(r"`(\w+\.py)`", document.read_text())}
+    assert "frame_stages.py" in named
+    assert named <= there
+
+
 def variables(model, prefix):
     for name, field in model.model_fields.items():
         variable = f"{prefix}{name.upper()}"

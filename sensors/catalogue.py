@@ -5,6 +5,7 @@ from dataclasses import fields, replace
 from difflib import get_close_matches
 from itertools import islice
 from pathlib import Path
+from shlex import quote
 
 from odom.errors import ConfigError
 from sensors.folder_layouts import is_image_folder
@@ -113,10 +114,11 @@ def check_images(spec: str, again: bool = False) -> None:
     kind = _kind(spec)
     if kind in _TRUTH_ALONE:
         raise ConfigError(
-            f"{spec} is {kind} and has no images: give a camera, and beside it `odom sensor {spec} --namespace mocap`"
+            f"{spec} is {kind} and has no images: give a camera, and beside it "
+            f"`odom sensor {quote(spec)} --namespace mocap`"
         )
     if again and kind in _LIVE_CAMERAS:
-        raise ConfigError(f"{spec} is live: record it first, as with `odom run {spec} --record walk.mcap`")
+        raise ConfigError(f"{spec} is live: record it first, as with `odom run {quote(spec)} --record walk.mcap`")
 
 
 def takes_calibration(spec: str) -> bool:

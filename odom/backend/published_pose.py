@@ -32,5 +32,11 @@ class PublishedPose:
 
     def in_estimate(self, estimate: Estimate) -> Estimate:
         """Return a frame's estimate with its pose and motions."""
-        T_odom_camera, covariance, step, second = self.T_odom_camera, self.covariance, self.step, self.second
-        return replace(estimate, T_odom_camera=T_odom_camera, covariance=covariance, step=step, second=second)
+        return replace(
+            estimate,
+            T_odom_camera=self.T_odom_camera,
+            covariance=self.covariance,
+            step=self.step,
+            second=self.second,
+            is_predicted=self.is_predicted,
+        )

@@ -87,7 +87,7 @@ def evaluate(
     judged = judge(estimated, as_read)
     calibration, true, report = judged.calibration, judged.truth, judged.report
 
-    print(f"matched        {report.matched} / {report.total} poses, {report.truth.duration_s:.1f} s")
+    print(f"matched        {report.matched} / {report.total} frames, {report.truth.duration_s:.1f} s")
     print(f"ATE            {report.ate_m:.4f} m")
     for name, error in (("RPE a frame", report.rpe_frame), ("RPE 1 s", report.rpe_1s)):
         print(f"{name:<14} {error.rmse_m:.4f} m  {error.rmse_deg:.3f} deg  ({error.pairs} pairs)")

@@ -12,6 +12,8 @@ from odom.evaluation.trajectory import Trajectory, check
 from odom.frame.brief import brief
 from odom.geometry.arrays import Array
 
+_LEAST = 3
+"""Poses that an alignment needs."""
 _MOST = 0.9
 """Share of the frames below which a note says that the figures are not those of the whole recording."""
 
@@ -67,11 +69,11 @@ def evaluate(estimate: Trajectory, truth: Trajectory, options: EvaluationOptions
     segments, truth = truth.segment_count, truth.longest_segment()
     valid = truth.at(estimate.stamps, options.max_gap_s)[1]
     total = max(options.total_frames or 0, len(estimate))
-    if valid.sum() < 3:
+    if valid.sum() < _LEAST:
         raise InputError(_why_unmatched(estimate, truth, int(valid.sum()), options.max_gap_s))
     everything = estimate.take(valid)
     matched = everything.longest_segment()
-    if len(matched) < 3:
+    if len(matched) < _LEAST:
         raise InputError(f"the longest of the estimate's segments has {len(matched)} poses: nothing to align")
     true = Trajectory(matched.stamps, truth.at(matched.stamps, options.max_gap_s)[0])
     alignment = align(matched.positions, true.positions)
@@ -115,8 +117,10 @@ def _coverage_notes(matched: int, total: int) -> tuple[str, ...]:
 def _why_unmatched(estimate: Trajectory, truth: Trajectory, matched: int, max_gap_s: float) -> str:
     if not len(estimate) or not len(truth):
         return f"{len(estimate)} estimated and {len(truth)} true poses: nothing to compare"
-    if matched == len(estimate):
-        return f"the estimate has only {matched} pose{'s' if matched > 1 else ''}: three are needed to compare"
+    if len(estimate) < _LEAST:
+        return (
+            f"the estimate has only {len(estimate)} pose{'s' if len(estimate) > 1 else ''}: three are needed to compare"
+        )
     span = [f"{t.stamps[0] * 1e-9:.3f} .. {t.stamps[-1] * 1e-9:.3f} s" for t in (estimate, truth)]
     return (
         f"only {matched} of {len(estimate)} poses match truth in time (estimate {span[0]}, truth {span[1]}, "

@@ -137,8 +137,8 @@ def _check_endpoints(endpoints: tuple[str, ...]) -> None:
 def _listeners(settings: WireSettings) -> list[str]:
     """Return the endpoints to listen on; those that nobody asked for may be in use by another process already.
 
-    A router must have them all, since the others look for it there. Who finds a meeting point in use listens at another
-    port of that host: the others that meet there could not reach it else.
+    A router must have them all, since the others look for it there. All others listen at one more port of the host of
+    each meeting point: where that is in use, they could not be reached otherwise.
     """
     is_router = settings.mode == "router"
     asked = [where for where in settings.listen if is_router or not settings.left_to_ros2(where)]

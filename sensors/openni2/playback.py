@@ -32,10 +32,11 @@ def _is_registered(options: SourceOptions, wanted: Registration) -> bool:
 
     It is, unless software is asked to do it, or the calibration says how the depth camera stands.
     """
+    if wanted is Registration.SOFTWARE:
+        return False
     if options.camera is None:
         return True
-    color = load_calibration(options.camera).camera
-    return wanted is not Registration.SOFTWARE and load_depth_registration(options.camera, color) is None
+    return load_depth_registration(options.camera, load_calibration(options.camera).camera) is None
 
 
 class OniRecording:

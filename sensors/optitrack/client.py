@@ -7,7 +7,7 @@ import struct
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 
 from odom.errors import SourceError, WireError
@@ -58,6 +58,7 @@ class NatNetClient:
         self.end_s: float | None = None
         self._stop = threading.Event()
         self._names: dict[int, str] = {}
+        self._fault = ""
         self._echoes = 0
         self._asked = -ASK_AGAIN_S
         self._last_frame: int | None = None
@@ -108,13 +109,15 @@ class NatNetClient:
         """Listen to the group to which the server streams, if there is one that is not listened to yet."""
         if server.multicast is None or (group := (server.multicast, server.data_port)) in self._groups:
             return
-        data = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        self._sockets.append(data)
-        data.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        data.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _BUFFER)
-        data.bind(group)
         local = socket.inet_aton(self._settings.local or "0.0.0.0")
-        data.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, socket.inet_aton(server.multicast) + local)
+        with ExitStack() as unless_heard:
+            data = unless_heard.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
+            data.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            data.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _BUFFER)
+            data.bind(group)
+            data.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, socket.inet_aton(server.multicast) + local)
+            unless_heard.pop_all()
+        self._sockets.append(data)
         self._groups.add(group)
 
     def _wait(self, seconds: float) -> None:
@@ -191,13 +194,12 @@ class NatNetClient:
             return packets.read_frame(payload, server.version)
         if identifier == Id.MODELS:
             names, fault = names_of(packets.read_models(payload, server.version), self._settings.body)
-            if fault and names != self._names:
+            if fault and fault != self._fault:
                 _log.warning("%s", fault)
-            self._names = names
+            self._names, self._fault = names, fault
         elif identifier == Id.ECHO_RESPONSE:
             sent_ns, ticks = packets.read_echo(payload)
-            round_trip = received_ns - sent_ns
-            if not 0 <= round_trip < 1_000_000_000:
+            if not 0 <= (round_trip := received_ns - sent_ns) < 1_000_000_000:
                 raise WireError("an echo of nothing that was sent")
             self._echoes += 1
             self.clock.observe(self._server_ns(ticks), sent_ns + round_trip // 2, round_trip)

@@ -166,6 +166,8 @@ def test_an_estimate_of_too_few_poses_is_not_told_to_check_its_clock(scene, pose
     with pytest.raises(InputError, match=words) as refused:
         evaluate(estimate.take(np.arange(poses)), true)
     assert "clock" not in str(refused.value)
+    with pytest.raises(InputError, match=words):
+        evaluate(estimate.take(np.arange(poses)), true.take(true.stamps >= estimate.stamps[poses - 1]))
 
 
 def rewritten(path: Path, columns: list[int]) -> None:

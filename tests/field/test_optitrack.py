@@ -6,6 +6,7 @@ import random
 import threading
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,9 +17,10 @@ from natnet_server import NatNetServer, Pose
 from scipy.spatial.transform import Rotation
 
 from odom.errors import ConfigError, SourceError, WireError
-from odom.wire import Message
+from odom.wire import Message, truth
 from odom.wire.codec import decode_pose
 from sensors.optitrack import open_optitrack, packets
+from sensors.optitrack.names import names_of
 from sensors.optitrack.source import OptiTrackSource
 from sensors.source import SourceOptions
 
@@ -140,6 +142,27 @@ def test_bodies_that_would_share_a_key_are_told_apart_by_their_number(caplog: py
         source = connect(server, seconds=0.3, body="Kopf ö")
         assert {message.topic for message in source.messages()} == {"truth/Kopf__/pose"}
         source.close()
+
+
+def test_a_name_that_another_ones_number_makes_is_told_apart_too() -> None:
+    said = {1: "Kopf ä", 2: "Kopf ö", 3: "Kopf ä_1"}
+    names, fault = names_of(said, body="")
+    assert len({truth(name) for name in names.values()}) == len(said)
+    assert all(name in fault for name in names.values())
+
+
+def test_a_group_that_cannot_be_heard_leaves_no_socket_open() -> None:
+    with NatNetServer({"rig": swing}) as server:
+        source = connect(server)
+        held = len(source.client._sockets)
+        with pytest.raises(OSError, match="assign"):
+            source.client._join(replace(source.client.server, multicast="203.0.113.1"))
+        assert len(source.client._sockets) == held
+        source.close()
+
+
+def test_a_body_is_missed_by_a_server_without_any() -> None:
+    assert names_of({}, body="rig")[1] == "no rigid body is called 'rig': there are none"
 
 
 def test_a_body_that_is_not_there_is_told_with_those_that_are(caplog: pytest.LogCaptureFixture) -> None:

@@ -173,8 +173,7 @@ class FrameStages:
             return None
         self.last = replace(self.last, is_bridged=True)
         published = self.published.bridge(view, since_s, self.sensor)
-        estimate = self._describe(view, State.UNCERTAIN, f"{why}: the motion is predicted", published)
-        return replace(estimate, is_predicted=True)
+        return self._describe(view, State.UNCERTAIN, f"{why}: the motion is predicted", published)
 
     def _follow_surfaces(self, view: View, is_again: bool) -> SurfaceFollowing | None:
         """Return where surfaces led the camera; None where they don't, or where colour is no reason to follow them.

@@ -120,9 +120,10 @@ class PublishedTrajectory:
         return self._keep(self._with_motions(current, judged, sensor))
 
     def _filtered(self, T_odom_middle: Array, judged: JudgedFrame) -> Motion:
-        """Return the filtered motion at a judged frame's middle row; the filter begins anew where none led there.
+        """Return the filtered motion at a judged frame's middle row.
 
-        Nor does one where the pose is far beyond what the motion until then predicts: the recording was cut.
+        The filter begins anew where no motion led there, or where the pose is far beyond what the motion predicts: the
+        recording was cut.
         """
         measured, since_s = (T_odom_middle, judged.covariance), judged.since_previous_s
         if self._filter is None or since_s is None or self._filter.surprise(*measured, since_s) > TUNING.cut_chi2:
@@ -155,7 +156,7 @@ class PublishedTrajectory:
         return self._filter.motion
 
     def _with_motions(self, current: PublishedPose, judged: JudgedFrame, sensor: SensorModel) -> PublishedPose:
-        """Return a publication with the motions since the frame before and over a second, None where not known.
+        """Return a published pose with the motions since the frame before and over a second, None where not known.
 
         None is published since a pose that was only predicted: this one may have proved it wrong.
         """

@@ -5,6 +5,7 @@ the motion. A straight line through the last stamps gives the steady time of eac
 computed in steady time, and only what is published is carried to the stamp itself.
 """
 
+import math
 from dataclasses import dataclass, replace
 from typing import NewType
 
@@ -63,7 +64,8 @@ class StampClock:
         clock = self._fitted(stamp)
         if not self.stamps or stamp <= self.stamps[-1] or clock.steady > self.steady:
             return clock
-        return replace(clock, late_s=self.late_s, sigma_s=abs(clock.late_s - self.late_s))
+        sigma_s = math.hypot(clock.late_s - self.late_s, self.sigma_s, clock.sigma_s)
+        return replace(clock, late_s=self.late_s, sigma_s=sigma_s)
 
     def _fitted(self, stamp: Stamp) -> "StampClock":
         """Return the clock with the line through the last stamps up to `stamp`."""

@@ -5,6 +5,7 @@ from collections import Counter
 from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import replace
+from functools import partial
 from random import Random
 from typing import Literal
 from unittest.mock import MagicMock
@@ -23,6 +24,7 @@ from odom.wire.codec.cdr import POINT_CLOUD
 from odom.wire.malformed_counter import MalformedCounter
 from odom.wire.session import WireSession, _check_endpoints, open_session
 from odom.wire.settings import ANY_LOCAL_PORT
+from odom.wire.subscriber import Subscriber
 
 
 def eventually(condition: Callable[[], bool], timeout: float = 30.0) -> bool:
@@ -358,6 +360,9 @@ def test_all_processes_of_the_same_meeting_point_hear_each_other(endpoint: str) 
         subscribers = [session.subscriber(["a"]) for session in (first, second)]
         publisher = third.publisher()
         assert eventually(lambda: len(third.zenoh.info.peers_zid()) == 2, timeout=5.0)
-        meet(third, "a")
-        publisher.put(encode_text("a", Stamp(1), "1"))
-        assert all(subscriber.receive(5.0) for subscriber in subscribers)
+
+        def hears(subscriber: Subscriber) -> bool:
+            publisher.put(encode_text("a", Stamp(1), "1"))
+            return subscriber.receive(0.5) is not None
+
+        assert all(eventually(partial(hears, one), timeout=10.0) for one in subscribers)

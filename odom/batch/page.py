@@ -6,6 +6,7 @@ from html import escape
 from typing import TYPE_CHECKING, Any
 
 from odom.batch.summary import DONE, JUDGED, Row
+from odom.evaluation.log_axis import ONE_TWO_FIVE, number_plainly
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -109,13 +110,9 @@ def _has_baseline(rows: Sequence[Row]) -> bool:
 
 def _logarithmic(axis: "Axes", values: Sequence[float]) -> None:
     """Make the axis of positive values logarithmic, with numbers that do not lie on each other."""
-    from matplotlib.ticker import LogLocator, NullLocator, StrMethodFormatter
-
     low, high = min(values) / _ROOM, max(values) * _ROOM
     axis.set(xscale="log", xlim=(low, high))
-    axis.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if high < _WIDE * low else (1.0,)))
-    axis.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
-    axis.xaxis.set_minor_locator(NullLocator())
+    number_plainly(axis.xaxis, ONE_TWO_FIVE if high < _WIDE * low else (1.0,))
 
 
 def _number(value: float | None) -> float:

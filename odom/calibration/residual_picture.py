@@ -11,6 +11,7 @@ from odom.calibration.linearised import chi_squared, linearised
 from odom.calibration.parameters import LENS
 from odom.calibration.result import Judgement
 from odom.calibration.survey import Survey
+from odom.evaluation.log_axis import number_plainly
 from odom.geometry.arrays import Array
 
 if TYPE_CHECKING:
@@ -33,7 +34,6 @@ _BEFORE, _AFTER = "#D55E00", "#0072B2"
 def draw(path: Path, survey: Survey, judgement: Judgement, title: str) -> None:
     """Write the picture: arrows are mean residuals of corners, colours mean errors of depth."""
     from matplotlib.figure import Figure
-    from matplotlib.ticker import LogLocator, NullLocator, StrMethodFormatter
 
     figure = Figure(figsize=(11, 8.5), dpi=120, layout="constrained")
     figure.suptitle(fill(title, _TITLE), x=0.01, ha="left", parse_math=False)
@@ -51,9 +51,7 @@ def draw(path: Path, survey: Survey, judgement: Judgement, title: str) -> None:
         grid[1, 1].plot(np.sort(size), np.linspace(0, 1, len(size)), color=colour, label=words)
     grid[1, 0].set(xscale="log", xlabel="range (m)", ylabel="mean error of depth (mm)", title="Depth over range")
     grid[1, 0].set_xlim(_RANGES_M[0], _RANGES_M[-1])
-    grid[1, 0].xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-    grid[1, 0].xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
-    grid[1, 0].xaxis.set_minor_locator(NullLocator())
+    number_plainly(grid[1, 0].xaxis)
     grid[1, 1].set(xlim=(0, 3), xlabel="residual of a corner (px)", ylabel="share below", title="Corners")
     for axis in grid[1]:
         axis.grid(color="#e4e4e4")

@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import psutil
 import pytest
+from closing import closed_after
 from virtual_kinect.device import Kinects, VirtualKinect, noise
 
 from odom.errors import ConfigError, DeviceError, RecordingError
@@ -261,12 +262,9 @@ def test_seconds_end_a_take_though_the_device_is_gone(kinects: Kinects) -> None:
     next(m for m in stream if m.topic == TOPICS.color)
     begun = time.monotonic()
     kinect.unplug()
-    closing = threading.Timer(6.0, source.close)
-    closing.start()
-    list(stream)
-    assert 1.0 < time.monotonic() - begun < 3.0
-    closing.cancel()
-    source.close()
+    with closed_after(6.0, source):
+        list(stream)
+        assert 1.0 < time.monotonic() - begun < 3.0
 
 
 def unplugged_for(kinect: VirtualKinect, seconds: float, source: Source) -> float:

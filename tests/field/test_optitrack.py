@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from closing import closed_after
 from hypothesis import given
 from hypothesis import strategies as st
 from natnet_server import NatNetServer, Pose
@@ -108,12 +109,9 @@ def test_seconds_end_a_take_though_the_server_is_silent() -> None:
         next(stream)
         begun = time.monotonic()
         server.silent = True
-        closing = threading.Timer(4.0, source.close)
-        closing.start()
-        list(stream)
-        assert 0.5 < time.monotonic() - begun < 2.0
-        closing.cancel()
-        source.close()
+        with closed_after(4.0, source):
+            list(stream)
+            assert 0.5 < time.monotonic() - begun < 2.0
 
 
 def test_a_server_that_turns_from_unicast_to_multicast_is_heard_again() -> None:
@@ -121,13 +119,10 @@ def test_a_server_that_turns_from_unicast_to_multicast_is_heard_again() -> None:
         source = connect(server)
         stream = source.messages()
         next(stream)
-    closing = threading.Timer(8.0, source.close)
-    closing.start()
-    with NatNetServer({"rig": swing}, command_port=server.command_port, multicast="239.255.42.98"):
+    moved = NatNetServer({"rig": swing}, command_port=server.command_port, multicast="239.255.42.98")
+    with closed_after(8.0, source), moved:
         turned = time.time_ns()
         assert any(message.stamp > turned for message in stream)
-    closing.cancel()
-    source.close()
 
 
 def test_bodies_that_would_share_a_key_are_told_apart_by_their_number(caplog: pytest.LogCaptureFixture) -> None:

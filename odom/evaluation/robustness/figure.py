@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from odom.evaluation.log_axis import number_plainly
 from odom.evaluation.robustness.outcomes import AxisOutcome, Outcomes, is_partial
 from odom.evaluation.robustness.verdict import Verdict
 
@@ -63,7 +64,6 @@ def _limits(outcomes: Outcomes) -> tuple[float, float]:
 def _draw(
     panel: "Axes", found: AxisOutcome, unspoilt: Verdict, limits: tuple[float, float], is_left: bool, is_right: bool
 ) -> None:
-    from matplotlib.ticker import LogLocator, NullLocator, ScalarFormatter
 
     labels = ["none", *(level.label for level, _ in found.verdicts)]
     verdicts = [unspoilt, *(verdict for _, verdict in found.verdicts)]
@@ -85,9 +85,7 @@ def _draw(
         ylim=limits,
         xlim=(-0.6, len(x) - 0.4),
     )
-    panel.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-    panel.yaxis.set_major_formatter(ScalarFormatter())
-    panel.yaxis.set_minor_locator(NullLocator())
+    number_plainly(panel.yaxis)
     panel.set_xticks(x, [label.replace(" ", "\n", 1) for label in labels])
     if is_left:
         panel.set_ylabel("ATE, mm")

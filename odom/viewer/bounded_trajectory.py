@@ -13,17 +13,17 @@ if TYPE_CHECKING:
 
 RESTART_NS = 5_000_000_000
 """Stamps that go back by more begin a new run (a recording played again); out of order they are by milliseconds."""
-GAP_NS = 300_000_000
+_GAP_NS = 300_000_000
 """Poses further apart are not joined by a line: nine frames were lost, or the markers were hidden."""
-_THINNED_STEPS = 3
-"""In a trajectory that was thinned out, poses are joined over so many times their median step, too."""
+_USUAL_STEPS = 3
+"""Poses are joined over so many usual steps, too: in a slow stream, or where a trajectory was thinned out."""
 
 
 class BoundedTrajectory:
     """Stamped poses (4 x 4), at most `limit`: when full, every second one goes and half as many are taken from then on.
 
-    A strip is a stretch without interruption; a line is drawn within strips only. Stamps must increase: a pose that
-    is not newer than the last is ignored. The newest pose is always there.
+    A strip is a stretch without a gap; a line is drawn within strips only. Stamps must increase: a pose that is not
+    newer than the last is ignored. The newest pose is always there.
     """
 
     def __init__(self, limit: int) -> None:
@@ -34,6 +34,7 @@ class BoundedTrajectory:
         self._stride = 1
         self._count = 0
         self._provisional = False  # the last pose is there only for being the newest
+        self._usual_step = 0
 
     def __len__(self) -> int:
         return self._size
@@ -43,13 +44,16 @@ class BoundedTrajectory:
         """Stamp of the last pose."""
         return Stamp(int(self._stamps[self._size - 1])) if self._size else None
 
-    def add(self, stamp: Stamp, T: Array, interrupted: bool = False) -> None:
-        """Append a pose; `interrupted` begins a new strip."""
+    def add(self, stamp: Stamp, T: Array) -> bool:
+        """Append a pose; return whether a new strip begins with it, since there is a gap before it."""
         newest = self.newest
         if newest is not None and stamp <= newest:
-            return
-        strip = (self._strips[self._size - 1] + interrupted) if self._size else 0
-        if not self._provisional or interrupted:
+            return False
+        step = 0 if newest is None else stamp - newest
+        begins_strip = bool(self._usual_step) and step > max(_GAP_NS, _USUAL_STEPS * self._usual_step)
+        self._usual_step = self._usual_step if begins_strip else step
+        strip = (self._strips[self._size - 1] + begins_strip) if self._size else 0
+        if not self._provisional or begins_strip:
             if self._size == len(self._stamps):
                 self._thin()
             self._size += 1
@@ -57,11 +61,12 @@ class BoundedTrajectory:
         self._stamps[at], self._T[at], self._strips[at] = stamp, T, strip
         self._count += 1
         self._provisional = self._count % self._stride != 0
+        return begins_strip
 
     def prepend(self, earlier: "Trajectory") -> None:
         """Put what happened before the first pose in front of it, thinned to half the limit.
 
-        It is interrupted where there is a gap, and where it ends.
+        A new strip begins behind each gap in it, and where it ends.
         """
         if self._size:
             earlier = earlier.take(earlier.stamps < self._stamps[0])
@@ -101,5 +106,5 @@ class BoundedTrajectory:
 def _strips_of(stamps: NDArray[np.int64]) -> NDArray[np.int64]:
     """Return the number of each pose's strip, from 0 on: a new one after each gap."""
     steps = np.diff(stamps)
-    longest = max(GAP_NS, _THINNED_STEPS * float(np.median(steps))) if len(steps) else GAP_NS
+    longest = max(_GAP_NS, _USUAL_STEPS * float(np.median(steps))) if len(steps) else _GAP_NS
     return np.cumsum(np.diff(stamps, prepend=stamps[:1]) > longest)

@@ -25,7 +25,8 @@ class ChainScene:
 
     def pose(self, pose: StampedPose) -> Iterator[EntityUpdate]:
         """Take the chain's pose of a frame; yield its newest piece."""
-        self.poses.add(pose.stamp, pose.T_parent_child)
+        if self.poses.add(pose.stamp, pose.T_parent_child):
+            self._tail.clear()
         self._tail.append(pose.T_parent_child[:3, 3])
         if self._is_on:
             yield strips_entity(f"{entities.CHAIN}/tail", pose.stamp, [np.array(self._tail)], palette.CHAIN)

@@ -12,7 +12,7 @@ from odom.frame import Stamp
 from odom.geometry.arrays import Array
 from odom.geometry.se3 import inverses
 from odom.viewer import entities, palette
-from odom.viewer.bounded_trajectory import GAP_NS, BoundedTrajectory
+from odom.viewer.bounded_trajectory import BoundedTrajectory
 from odom.viewer.claimed_covariances import ClaimedCovariances
 from odom.viewer.ellipsoids import ellipsoids
 from odom.viewer.entities import EntityUpdate, transform, update
@@ -53,11 +53,9 @@ class MapScene:
 
     def odometry(self, pose: StampedPose) -> Iterator[EntityUpdate]:
         """Take the causal pose of a frame; yield the newest piece of the online trajectory."""
-        interrupted = self.online.newest is not None and pose.stamp - self.online.newest > GAP_NS
-        if interrupted:
+        if self.online.add(pose.stamp, pose.T_parent_child):
             self._online_tail.clear()
             self._corrected_tail.clear()
-        self.online.add(pose.stamp, pose.T_parent_child, interrupted)
         if pose.covariance is not None:
             self.claimed.add(pose.stamp, pose.covariance)
         self._online_tail.append(pose.T_parent_child[:3, 3])

@@ -6,7 +6,7 @@ from odom.evaluation import Trajectory
 from odom.evaluation.run_report import CAMERA
 from odom.frame import Stamp
 from odom.geometry.arrays import Array
-from odom.viewer.bounded_trajectory import GAP_NS, BoundedTrajectory
+from odom.viewer.bounded_trajectory import BoundedTrajectory
 from odom.viewer.claimed_covariances import ClaimedCovariances
 from odom.viewer.entities import EntityUpdate
 from odom.viewer.line_strips import truth_line
@@ -42,8 +42,7 @@ class TruthScene:
         kept = self.trajectory_of(body)
         if kept is None:
             return
-        interrupted = kept.newest is not None and pose.stamp - kept.newest > GAP_NS
-        kept.add(pose.stamp, pose.T_parent_child, interrupted)
+        kept.add(pose.stamp, pose.T_parent_child)
         if body == next(iter(self.trajectories)):
             self._comparison.add_truth(pose.stamp, pose.T_parent_child)
 

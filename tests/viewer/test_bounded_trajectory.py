@@ -48,13 +48,20 @@ def test_a_pose_that_is_not_newer_is_ignored() -> None:
     assert trail.trajectory().stamps.tolist() == [5, 6]
 
 
-def test_an_interruption_is_never_bridged_by_a_line() -> None:
+@pytest.mark.parametrize("step_ms", [33, 500])
+def test_a_gap_is_never_bridged_by_a_line_and_the_steps_of_slow_streams_are(step_ms: int) -> None:
     trail = BoundedTrajectory(64)
-    for i in range(1000):
-        trail.add(Stamp(i), _pose(i), interrupted=i == 500)
+    begun = [trail.add(Stamp(1_000_000 * (step_ms * i + 10_000 * (i >= 500))), _pose(i)) for i in range(1000)]
+    assert [i for i, begins_strip in enumerate(begun) if begins_strip] == [500]
     parts = lines(trail.trajectory().positions, trail.strips())
     assert len(parts) == 2
     assert parts[0][-1, 0] < 500 <= parts[1][0, 0]
+
+
+def test_a_lone_pose_between_two_gaps_is_joined_to_neither_side() -> None:
+    trail = BoundedTrajectory(64)
+    begun = [trail.add(Stamp(1_000_000 * at_ms), _pose(at_ms)) for at_ms in (0, 33, 66, 9000, 19_000, 19_033)]
+    assert begun == [False, False, False, True, True, False]
 
 
 @given(earlier=st.integers(0, 500), later=st.integers(0, 300))

@@ -44,7 +44,7 @@ def measure_sensitivity(
     progress: Callable[[int], None] = lambda runs: None,
     stopped: Callable[[], bool] = lambda: False,
 ) -> list[Sensitivity]:
-    """Return what halving and doubling each number does, sorted by effect; what was not run when `stopped` is left out.
+    """Return what less and more of each number does, sorted by effect; what was not run when `stopped` is left out.
 
     A source's unspoilt task comes before its spoilt ones; their files of truth may be left empty. `progress` is told
     how many processes have ended. Raises OdomError when the odometry as it is fails on a source.

@@ -83,7 +83,10 @@ def sensitivity(
     sources: Annotated[
         list[str], typer.Argument(metavar="SOURCE...", help="Recordings or folders of images with truth.")
     ],
-    only: Annotated[str, typer.Option(metavar="GLOB", help="Only numbers of this name, as frontend.*_px.")] = "*",
+    only: Annotated[
+        list[str] | None, typer.Option(metavar="GLOB", help="Only numbers of this name, as frontend.*_px; repeat.")
+    ] = None,
+    factor: Annotated[float, typer.Option(min=1.01, help="What numbers are divided and multiplied by.")] = 2.0,
     seconds: Annotated[float | None, typer.Option(min=1, help="Only so much of each source, from its start.")] = None,
     spoil: Annotated[
         list[str] | None,
@@ -95,7 +98,7 @@ def sensitivity(
     json_file: Annotated[Path | None, typer.Option("--json", help="Write all figures to this file.")] = None,
     markdown_file: Annotated[Path | None, typer.Option("--markdown", help="Write the table to this file.")] = None,
 ) -> None:
-    """Halve and double each tuned number of the algorithms and print what that does.
+    """Make each tuned number of the algorithms half and twice as large and print what that does.
 
     That is to ATE and NEES, and to the shares of frames that are tracked, LOST, or TRACKING and wrong (as `odom bench
     robustness` counts them). Guards against people, darkness or gaps act where the source is --spoilt by them.
@@ -121,9 +124,9 @@ def sensitivity(
 
     stop = signals.stop_event()
     check_files(json_file, table=markdown_file)
-    numbers = tuned_numbers(only)
+    numbers = tuned_numbers(*only or (), factor=factor)
     if not numbers:
-        raise ConfigError(f"no tuned number is called {only}: without --only all of them are tried")
+        raise ConfigError(f"no tuned number is called {' or '.join(only or ())}: without --only all of them are tried")
     for source in sources:
         check_source(source, SourceOptions(camera=camera))
     files = [None if path is None else str(path) for path in (camera, config)]
@@ -132,7 +135,7 @@ def sensitivity(
     with counting("measured", 1 + sum(len(changes(number)) for number in numbers), "values") as progress:
         found = measure_sensitivity(numbers, tasks, jobs, progress, stop.is_set)
     console = Console(width=None if sys.stdout.isatty() else 200)
-    table = Table(title=f"halved and doubled: {len(found)} of {len(numbers)} numbers", title_justify="left")
+    table = Table(title=f"by {factor:g}: {len(found)} of {len(numbers)} numbers", title_justify="left")
     for column in COLUMNS:
         table.add_column(column, overflow="fold")
     for row in cells(found):

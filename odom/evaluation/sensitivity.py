@@ -1,8 +1,8 @@
-"""What halving and doubling each tuned number does to accuracy (ATE) and to the honesty of the covariance (NEES)."""
+"""What a smaller and a larger value of each tuned number does to accuracy (ATE) and an honest covariance (NEES)."""
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum, unique
 from fnmatch import fnmatch
 from importlib import import_module
@@ -25,29 +25,32 @@ _REMARKED = 0.01
 
 @unique
 class Level(Enum):
-    """How a number is set: as it is, or halved or doubled."""
+    """How a number is set: as it is, or divided or multiplied by a factor."""
 
-    HALF = "half"
+    LESS = "less"
     AS_IS = "as is"
-    DOUBLE = "double"
+    MORE = "more"
 
 
 @dataclass(frozen=True)
 class TunedNumber:
-    """A field of a package's `Tuning`; `key` is its `package.name`, as `odom.geometry.tuning.OVERRIDES` has it."""
+    """A field of a package's `Tuning`; `key` is its `package.name`, as `odom.geometry.tuning.OVERRIDES` has it.
+
+    What is tried are its `value` divided and multiplied by `factor`.
+    """
 
     key: str
     value: float | int
     unit: str
+    factor: float = 2.0
 
     def at(self, level: Level) -> float | int | None:
         """Return the number at a level, None where that is the same number; whole ones stay whole and at least 1."""
         if level is Level.AS_IS:
             return self.value
+        changed = self.value / self.factor if level is Level.LESS else self.value * self.factor
         if isinstance(self.value, int):
-            changed: float | int = max(1, self.value // 2) if level is Level.HALF else 2 * self.value
-        else:
-            changed = self.value * (0.5 if level is Level.HALF else 2.0)
+            changed = max(1, math.floor(changed))
         return None if changed == self.value else changed
 
 
@@ -73,8 +76,11 @@ class Sensitivity:
         )
 
 
-def tuned_numbers(only: str = "*") -> list[TunedNumber]:
-    """Return the numbers of every `Tuning` class whose `package.name` matches the pattern `only`."""
+def tuned_numbers(*only: str, factor: float = 2.0) -> list[TunedNumber]:
+    """Return the numbers of every `Tuning` class whose `package.name` matches one of the patterns; without any, all.
+
+    They are to be divided and multiplied by `factor`.
+    """
     root = Path(__file__).parents[1]
     folders = [path.parent for package in PACKAGES for path in sorted((root / package).rglob("tuning.py"))]
     found = []
@@ -82,11 +88,12 @@ def tuned_numbers(only: str = "*") -> list[TunedNumber]:
         place = ".".join(folder.relative_to(root).parts)
         if folder.name not in _NOT_IN_THE_ODOMETRY:
             found += numbers_of(place, import_module(f"odom.{place}.tuning").Tuning)
-    return [number for number in found if fnmatch(number.key, only)]
+    chosen = [number for number in found if not only or any(fnmatch(number.key, pattern) for pattern in only)]
+    return [replace(number, factor=factor) for number in chosen]
 
 
 def numbers_of(package: str, tuning: type[Any]) -> list[TunedNumber]:
-    """Return the numbers of one `Tuning` class; switches are left out, they have no half."""
+    """Return the numbers of one `Tuning` class; switches are left out, they have no more or less."""
     return [
         TunedNumber(f"{package}.{name}", value, provenance.unit)
         for name, (value, provenance) in documented(tuning).items()
@@ -96,7 +103,7 @@ def numbers_of(package: str, tuning: type[Any]) -> list[TunedNumber]:
 
 def changes(number: TunedNumber) -> dict[Level, float | int]:
     """Return the values other than the usual one that are to be tried."""
-    values = {level: number.at(level) for level in (Level.HALF, Level.DOUBLE)}
+    values = {level: number.at(level) for level in (Level.LESS, Level.MORE)}
     return {level: value for level, value in values.items() if value is not None}
 
 
@@ -107,7 +114,7 @@ def by_effect(found: Iterable[Sensitivity]) -> list[Sensitivity]:
 
 COLUMNS = (
     "number", "value", "unit", "largest change", "source",
-    "ATE mm: half", "as is", "double", "NEES: half", "as is", "double", "remarks",
+    "ATE mm: less", "as is", "more", "NEES: less", "as is", "more", "remarks",
 )  # fmt: skip
 
 

@@ -1,8 +1,8 @@
 """Numbers that were chosen by trial: each says its unit, what depends on it, and where it comes from.
 
 A package keeps its numbers in a frozen dataclass `Tuning`, whose fields are made by `tuned`, and in one value of it,
-`TUNING = in_use(Tuning)`. They are not settings: users need not touch them. `odom bench sensitivity` halves and doubles
-each one in a process of its own, by means of `OVERRIDES`.
+`TUNING = in_use(Tuning)`. They are not settings: users need not touch them. `odom bench sensitivity` tries less and
+more of each one in a process of its own, by means of `OVERRIDES`.
 """
 
 from dataclasses import dataclass, field, fields, replace
@@ -30,7 +30,7 @@ class Provenance:
 def tuned(value: float | int, *, unit: str, effect: str, source: str) -> Any:
     """Return a dataclass field whose default is `value`, documented as the project demands of every tuned number.
 
-    `unit`: SI or px, `1` for a share or a count. `effect`: what gets worse when it is halved and when it is doubled.
+    `unit`: SI or px, `1` for a share or a count. `effect`: what gets worse when it is smaller and when it is larger.
     `source`: an article, a quantile, a data sheet, or the measurement that chose it.
     """
     return field(default=value, metadata={"provenance": Provenance(unit, effect, source)})

@@ -42,9 +42,11 @@ class Tuning:
 def test_numbers_are_halved_and_doubled_and_whole_ones_stay_whole_and_at_least_one() -> None:
     gate, rounds, least = numbers_of("made.up", Tuning)
     assert gate == TunedNumber("made.up.gate_px", 6.0, "px")
-    assert changes(gate) == {Level.HALF: 3.0, Level.DOUBLE: 12.0}
-    assert changes(rounds) == {Level.HALF: 2, Level.DOUBLE: 10}
-    assert changes(least) == {Level.DOUBLE: 2}
+    assert changes(gate) == {Level.LESS: 3.0, Level.MORE: 12.0}
+    assert changes(rounds) == {Level.LESS: 2, Level.MORE: 10}
+    assert changes(least) == {Level.MORE: 2}
+    assert changes(replace(rounds, factor=10.0)) == {Level.LESS: 1, Level.MORE: 50}
+    assert changes(replace(gate, factor=10.0)) == pytest.approx({Level.LESS: 0.6, Level.MORE: 60.0})
     assert all(isinstance(value, int) for value in changes(rounds).values())
 
 
@@ -67,7 +69,7 @@ USUAL = Verdict(frames=100, ate_m=0.010, nees=6.0, tracked=1.0)
 
 
 def found(key: str, half: Verdict, double: Verdict) -> Sensitivity:
-    levels = {Level.HALF: half, Level.AS_IS: USUAL, Level.DOUBLE: double}
+    levels = {Level.LESS: half, Level.AS_IS: USUAL, Level.MORE: double}
     return Sensitivity(TunedNumber(key, 2.0, "px"), {"walk": levels})
 
 
@@ -99,9 +101,9 @@ def test_the_table_has_figures_with_ratios_and_says_what_failed() -> None:
         "6.3 (1.05)",
         "",
     )
-    assert strong[-1] == "double: 60% tracked (of 100%), 2% TRACKING and wrong (of 0%)"
+    assert strong[-1] == "more: 60% tracked (of 100%), 2% TRACKING and wrong (of 0%)"
     assert failing[3] == failing[5] == "failed"
-    assert failing[-1] == "half: ValueError: no"
+    assert failing[-1] == "less: ValueError: no"
     assert markdown([CALM]).splitlines()[2].startswith("| a.calm | 2 | px | x1.1 | walk | 11 (1.10) |")
     assert cells([found("a.idle", USUAL, USUAL)])[0][3] == "none"
     assert json.loads(json.dumps(as_json([FAILING])))[0]["largest_change"] is None
@@ -113,7 +115,7 @@ def test_a_value_that_fails_is_a_row_that_says_so() -> None:
     (row,) = measure_sensitivity([number], [Task(ARENA, "", 1, end=4.0)])
     levels = row.outcomes[ARENA]
     assert levels[Level.AS_IS].ate_m
-    assert levels[Level.HALF].error
+    assert levels[Level.LESS].error
     assert math.isinf(row.largest_change)
 
 
@@ -126,7 +128,7 @@ def test_one_number_of_the_odometry_is_tried_on_a_few_seconds(tmp_path: Path) ->
     assert result.exit_code == 0, result.output
     (row,) = json.loads((tmp_path / "s.json").read_text())
     levels = row["outcomes"][ARENA]
-    assert set(levels) == {"half", "as is", "double"}
+    assert set(levels) == {"less", "as is", "more"}
     assert all(outcome["ate_m"] > 0 and outcome["nees"] > 0 for outcome in levels.values())
     assert len({outcome["ate_m"] for outcome in levels.values()}) == 3
     assert numbers[0].key in (tmp_path / "new" / "s.md").read_text()
@@ -154,9 +156,15 @@ def test_a_pattern_that_no_number_has_is_refused() -> None:
     assert "no tuned number is called nothing.*" in str(result.exception)
 
 
+def test_numbers_are_chosen_by_several_patterns() -> None:
+    chosen = tuned_numbers("backend.tracking.jerk_*", "frontend.camera.noise_gain", factor=10.0)
+    assert {number.key.rpartition(".")[2] for number in chosen} == {"jerk_m_s2", "jerk_rad_s2", "noise_gain"}
+    assert all(number.factor == 10.0 for number in chosen)
+
+
 def test_every_number_of_the_algorithms_can_be_changed_from_outside() -> None:
     """In one process that changes all of them at once: a name that does not reach its package is refused."""
-    doubled = {number.key: changes(number)[Level.DOUBLE] for number in tuned_numbers() if changes(number)}
+    doubled = {number.key: changes(number)[Level.MORE] for number in tuned_numbers() if changes(number)}
     assert len(doubled) > 100
     program = "import json, sys, odom.bench.sensitivity_run as run; run.put_in_place(json.load(sys.stdin))"
     command = [sys.executable, "-c", program]

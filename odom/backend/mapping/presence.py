@@ -6,6 +6,7 @@ from odom.backend.map.landmarks import Landmarks
 from odom.backend.map.map import Map
 from odom.backend.mapping.tuning import TUNING
 from odom.backend.tracking.tracked_frame import TrackedFrame
+from odom.backend.tracking.tuning import TUNING as TRACKING
 from odom.geometry.arrays import Array, Index
 from odom.geometry.neighbours import nearest
 
@@ -53,11 +54,14 @@ def retire(map_: Map, tracked: TrackedFrame, since: int) -> None:
 
 
 def _around(landmarks: Landmarks, places: Array, eye: Array) -> Index:
-    """Return the rows of the landmarks near any of k `places` (k x 3, m), as seen from `eye` (3, m)."""
+    """Return the rows of the landmarks near any of k `places` (k x 3, m), as seen from `eye` (3, m).
+
+    They may lie on one thing: see `departing_within`.
+    """
     rows = np.flatnonzero(landmarks.alive)
     if not len(rows):
         return rows
     positions = landmarks.position[rows]
     away_m2 = nearest(positions, places, 1)[1]
-    within_m = TUNING.gone_around * np.linalg.norm(positions - eye, axis=1)
+    within_m = TRACKING.departing_within * np.linalg.norm(positions - eye, axis=1)
     return np.asarray(rows[away_m2 < within_m**2])

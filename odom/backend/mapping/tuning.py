@@ -121,9 +121,6 @@ class Tuning:
     gone_step_s: float = tuned(0.1, unit="s", source="three looks at least, as `gone_s`",
         effect="One frame counts for so long at most. Smaller: slow streams keep what has left; larger: one wrong look "
         "counts.")
-    gone_around: float = tuned(0.15, unit="share of the distance", source="as `departing_within` of tracking",
-        effect="The neighbours of a removed landmark within this distance are examined, too. Smaller: what lies on a "
-        "thing that was carried away stays longer; larger: it costs more.")
     # depth_filter
     parallax_variance: float = tuned(9.0, unit="variances of a ray",
         source="six walks of the arena, depth cut off at 1.9 and 2.1 m; 4 to 25",

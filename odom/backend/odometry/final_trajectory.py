@@ -70,7 +70,7 @@ def _at_stamp(here: _Middle, before: _Middle | None, after: _Middle | None, timi
         if there is None or there.T_map_camera is None or there.segment != here.segment:
             continue
         apart_s = abs(there.frame.since_s(frame, timing))
-        if 0.0 < apart_s < TUNING.interpolation_gap_s:
+        if 0.0 < apart_s < TUNING.longest_gap_s:
             twist = sign / apart_s * se3.log(se3.inverse(T) @ there.T_map_camera)
             break
     T_stamp = T if twist is None else T @ se3.exp(delay_s * twist)

@@ -152,9 +152,6 @@ class Tuning:
         "are equal in any two images; larger: images without contrast are compared whole.")
     repeated_rows: int = tuned(13, unit="rows", source="cost: 30 us a frame; no divisor of drawn patterns",
         effect="One of so many rows is compared. Fewer rows: a clock in the image fills more of them; more: time.")
-    interpolation_gap_s: float = tuned(0.2, unit="s", source="as longest_gap_s",
-        effect="Over a longer gap a final pose is carried to its stamp by its own velocity, else by the motion to the "
-        "next one. Smaller: velocities of single frames shake it; larger: the steps of somebody who walks are lost.")
     # smoothing
     noise_share: float = tuned(0.5, unit="share of the claimed variance", source="fr1, arena, 2 to 30 Hz",
         effect="No more can be noise from frame to frame. Smaller: quick turns at 4 Hz tremble; larger: the steps of "

@@ -41,5 +41,5 @@ class Confirmation:
 
 
 def _is_sure(tracked: TrackedFrame) -> bool:
-    sure = max(TUNING.sure_found_again, TUNING.sure_share * len(tracked.looked_for))
+    sure = max(2 * TUNING.found_again, TUNING.sure_share * len(tracked.looked_for))
     return tracked.found_again >= sure

@@ -15,6 +15,7 @@ from odom.frontend.features.measurement import Measurements, measure, measure_ex
 from odom.frontend.features.view import View
 from odom.frontend.matching.look_back import EarlierView
 from odom.frontend.matching.optical_flow import follow_there_and_back
+from odom.frontend.matching.tuning import TUNING as MATCHING
 from odom.geometry import se3
 from odom.geometry.arrays import Array, Image, Index, Mask
 
@@ -157,11 +158,11 @@ class CornerFlow:
         expected = self.sensor.lens.project(points, se3.inverse(earlier.T_view_corners))
         rows = np.flatnonzero(expected[:, 2] > 0.0)
         images, scale = (earlier.view.images.half, view.images.half), view.images.scale
-        begin, guess = uv[rows] / 2.0, expected[rows, :2] / 2.0
-        here, found = follow_there_and_back(*images, begin, guess, TUNING.other_back_px, scale)
+        begin, guess, return_px = uv[rows] / 2.0, expected[rows, :2] / 2.0, MATCHING.look_back_return_px
+        here, found = follow_there_and_back(*images, begin, guess, return_px, scale)
         far = np.flatnonzero(~found & (np.linalg.norm(guess - begin, axis=1) > TUNING.other_far_px))
         if len(far):
-            here[far], found[far] = follow_there_and_back(*images, begin[far], begin[far], TUNING.other_back_px, scale)
+            here[far], found[far] = follow_there_and_back(*images, begin[far], begin[far], return_px, scale)
         rows, uv_here = rows[found], 2.0 * here[found]
         exact = np.tile([TUNING.found_sigma_px**2, 0.0, TUNING.found_sigma_px**2], (len(rows), 1))
         return rows, uv_here, measure(view, self.sensor, uv_here, exact, self.twist)

@@ -101,10 +101,13 @@ def other_motions(followed: FollowedCorners, T_view_earlier: Array, since_s: flo
 
 
 def _moves_alone(sample: FollowedCorners, T_view_earlier: Array) -> bool:
-    """Return whether a `sample` of the corners is enough to tell, and shows hardly a motion beside the camera's."""
+    """Return whether a `sample` of the corners is enough to tell, and shows hardly a motion beside the camera's.
+
+    Against the camera's is less than half of what a motion needs to be the scene's.
+    """
     votes, off_px = sample.features.votes, sample.features.off_px(T_view_earlier)
     against = votes[off_px > TUNING.differs_px].sum()
-    return len(votes) >= TUNING.contested_least and bool(against < TUNING.sample_against * votes.sum())
+    return len(votes) >= TUNING.contested_least and bool(against < 0.5 * TUNING.scene_share * votes.sum())
 
 
 @dataclass(frozen=True, eq=False)

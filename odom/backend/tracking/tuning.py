@@ -115,14 +115,9 @@ class Tuning:
     sample_cell_px: int = tuned(64, unit="px", source="a fifth of the corners of other_cell_px",
         effect="A first look follows one corner in each square of this side. Smaller: it costs as much as the second; "
         "larger: too few are followed to tell.")
-    sample_against: float = tuned(0.25, unit="share of the votes", source="half of scene_share",
-        effect="With less against the camera's motion, a first look is enough. Smaller: scenes at rest cost a second "
-        "one; larger: bodies that walk on are followed.")
     other_far_px: float = tuned(15.0, unit="px of the half-size image", source="the window of flow",
         effect="A corner expected so far away, and not found there, is looked for where it was. Smaller: it costs "
         "more; larger: in slow streams the scene is not seen beside a body that is followed.")
-    other_back_px: float = tuned(0.5, unit="px of the half-size image", source="as look_back_return_px of the search",
-        effect="A corner must lead back so near. Smaller: bodies are not found again; larger: chance matches count.")
     depthless_nearest_m: float = tuned(0.5, unit="m", source="no Kinect measures depth nearer than this",
         effect="What has no depth counts as at least so far away. Smaller: more motions are possible, and a body that "
         "alone has depth is followed; larger: what is near and dark denies the camera's motion.")
@@ -210,11 +205,9 @@ class Tuning:
         effect="A place that was near a few frames ago needs this share, see share_in_chain.")
     share_without_chain: float = tuned(0.35, unit="share of those looked for", source="as found_again",
         effect="Relocalisation needs this share, see share_in_chain.")
-    sure_found_again: int = tuned(60, unit="landmarks", source="twice found_again",
-        effect="With fewer, a place of a saved map counts only if a second frame agrees. Smaller: rooms that look "
-        "alike are believed at once; larger: one more frame has no pose.")
     sure_share: float = tuned(0.5, unit="share of those looked for", source="half as much again as share_without_chain",
-        effect="With a smaller share a second frame must agree, as with sure_found_again.")
+        effect="With a smaller share, or less than twice found_again, a place of a saved map counts only if a second "
+        "frame agrees. Smaller: rooms that look alike are believed at once; larger: one more frame has no pose.")
     doubt_s: float = tuned(0.5, unit="s", source="15 frames at 30 Hz",
         effect="The second frame must agree within this time. Smaller: slow streams are never sure; larger: any motion "
         "between the two is plausible.")

@@ -38,8 +38,7 @@ class MovingView:
 
     A camera that follows a moving body sees the scene move instead: much that moves (`crowd`) and other motions
     (`rivals`) raise a doubt, and landmarks from before it (`witnesses`) can settle it. `cells` says what moves, None
-    where nothing could tell; `doubted_stamp`: when the pose was last in doubt; `missed_stamp`: when it last missed
-    clearly more proven landmarks than it found.
+    where nothing could tell; `doubted_stamp`: when the pose was last in doubt.
     """
 
     stamp: SteadyStamp | None = None
@@ -48,7 +47,6 @@ class MovingView:
     witnesses: Witnesses = field(default_factory=Witnesses)
     rivals: RivalMotions = field(default_factory=RivalMotions)
     doubted_stamp: SteadyStamp | None = None
-    missed_stamp: SteadyStamp | None = None
 
     def after(
         self, view: View, tracked: TrackedFrame, recent: RecentViews, landmarks: Landmarks, sensor: SensorModel
@@ -62,10 +60,7 @@ class MovingView:
         witnesses = seen.witnesses.with_root(tracked, landmarks, is_suspicious)
         proven = Agreement.of(tracked, landmarks, witnesses.proven_identity)
         is_warned = seen._is_warned(stamp, tracked, proven)
-        seen = replace(seen, missed_stamp=stamp) if proven.contradicts(TUNING.moved_missed) else seen
-        is_after_miss = is_within(TUNING.moved_as_one_s, seen.missed_stamp, stamp)
-        is_unproven = is_warned or is_after_miss or not proven.supports()
-        others = recent.what_else_moves(view, tracked, sensor, is_warned) if is_unproven else None
+        others = recent.what_else_moves(view, tracked, sensor, is_warned)
         if others is None:
             rivals = replace(seen.rivals, is_left_behind=False)
         else:

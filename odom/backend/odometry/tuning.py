@@ -62,9 +62,6 @@ class Tuning:
     moved_contradicts: float = tuned(3.0, unit="landmarks from before missed for each one found", source=BODIES,
         effect="From so many on, they deny the pose soon after a doubt (denied_looks). Smaller: it is UNCERTAIN in "
         "quick turns; larger: a body that has just come is followed and called sure.")
-    moved_missed: float = tuned(1.5, unit="landmarks from before missed for each one found", source=BODIES,
-        effect="From so many on, what else moves is looked for during moved_as_one_s. Smaller: scenes at rest cost "
-        "more; larger: a body that sets off after a rest is followed and called sure.")
     moved_as_one: float = tuned(0.1, unit="share of the votes", source="torn, blurred, ill exposed images; " + BODIES,
         effect="Another motion counts from this share on. Smaller: one that is found by chance counts; larger: a small "
         "body is not noticed.")

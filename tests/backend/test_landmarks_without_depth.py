@@ -110,7 +110,7 @@ def test_depth_that_is_measured_later_counts_at_once_and_measured_depth_is_never
     refine_depths(map_, seen_from(rng, points, np.eye(4), np.ones(100, dtype=bool)), np.eye(4), EXACT, UPRIGHT)
     np.testing.assert_array_equal(map_.landmarks.position[:50], before)
     assert np.abs(map_.landmarks.position[50:100, 2] / points[50:, 2] - 1.0).max() < 0.1
-    assert not map_.landmarks.is_vague(np.arange(100)).any()
+    assert not map_.landmarks.assumed[:100].any()
 
 
 def test_depth_along_a_tilted_axis_is_straightened_before_it_counts():
@@ -138,6 +138,24 @@ def test_many_of_them_do_not_make_a_step_sure_that_a_wrong_assumption_makes():
     error = se3.log(fit.T_camera_map @ se3.inverse(T))
     assert abs(error[0]) > 0.04
     assert abs(error[0]) < 2.0 * np.sqrt(np.linalg.inv(fit.information)[0, 0])
+
+
+def test_many_whose_depth_was_told_by_steps_that_seemed_too_long_do_not_make_the_next_one_sure():
+    rng, none = np.random.default_rng(9), np.zeros(300, dtype=bool)
+    points = points_ahead(rng, 300)
+    map_ = map_of(rng, points, none)
+    for k in range(1, 31):
+        T, T_seeming = (se3.exp(np.array([-0.01 * k * scale, 0, 0, 0, 0, 0])) for scale in (1.0, 1.05))
+        refine_depths(map_, seen_from(rng, points, T, none), T_seeming, EXACT, UPRIGHT)
+    rows = np.arange(300)
+    assert not map_.landmarks.is_vague(rows).any()
+    T = se3.exp(np.array([-0.4, 0, 0, 0, 0, 0]))
+    matches = LandmarkMatches(rows, uv_of(points), np.zeros((300, 3)), np.full(300, 0.25), rows)
+    found, seen = FoundLandmarks.of(blank_view(1), SENSOR, matches, map_.landmarks), measured(rng, points, T, none)
+    fit = fit_pose(found.points, found.covariances, seen.values, seen.covariance, T)
+    error = se3.log(fit.T_camera_map @ se3.inverse(T))
+    assert abs(error[0]) > 0.01
+    assert abs(error[0]) < 3.0 * np.sqrt(np.linalg.inv(fit.information)[0, 0])
 
 
 def test_where_enough_have_known_depth_the_others_do_not_decide_on_the_pose():

@@ -22,14 +22,15 @@ _LEAST_INVERSE_DEPTH = 0.01
 def refine_depths(map_: Map, seen: MeasuredLandmarks, T_camera_map: Array, covariance: Array, tilt: Array) -> int:
     """Move the landmarks of vague depth that a frame has `seen` along the rays that first showed them.
 
-    The frame's pose has the `covariance` (6 x 6, `se3`, camera frame); its depth has the `tilt` (2, rad). Returns how
-    many of them there are.
+    The frame's pose has the `covariance` (6 x 6, `se3`, camera frame); its depth has the `tilt` (2, rad). Where it was
+    measured in the frame, depth is not assumed any more. Returns of how many landmarks it is still vague before that.
     """
     L = map_.landmarks
-    vague = np.flatnonzero(L.is_vague(seen.rows))
-    if not len(vague):
+    is_vague, is_shown = L.is_vague(seen.rows), L.assumed.take(seen.rows) & (seen.measurements.values[:, 2] > 0.0)
+    chosen = np.flatnonzero(is_vague | is_shown)
+    if not len(chosen):
         return 0
-    rows, measured = seen.rows[vague], seen.measurements.take(vague).straight(tilt)
+    rows, measured = seen.rows[chosen], seen.measurements.take(chosen).straight(tilt)
     T_first_map = np.array([map_.keyframes[k].T_camera_map for k in L.keyframe[rows].tolist()])
     L.position[rows], L.covariance[rows], L.plane[rows, 0] = _refined(
         L.position[rows],
@@ -40,7 +41,8 @@ def refine_depths(map_: Map, seen: MeasuredLandmarks, T_camera_map: Array, covar
         measured.values,
         measured.covariance * np.array([TUNING.parallax_variance] * 3 + [1.0]),
     )
-    return len(vague)
+    L.assumed[seen.rows[is_shown]] = False
+    return int(np.count_nonzero(is_vague))
 
 
 def warm_up() -> None:

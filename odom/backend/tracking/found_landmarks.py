@@ -48,10 +48,10 @@ class FoundLandmarks:
         seen = landmarks.seen.take(rows)
         found_before = np.minimum((seen + 1.0) / (landmarks.tried.take(rows) + 1.0), 1.0)
         position, covariance = landmarks.position.take(rows, 0), landmarks.covariance.take(rows, 0)
-        vague = landmarks.is_vague(rows)
-        if vague.any():
-            covariance[vague] = _counted_as_one(covariance[vague])
-        counts = those_that_count(vague)
+        assumed = landmarks.assumed.take(rows)
+        if assumed.any():
+            covariance[assumed] = _counted_as_one(covariance[assumed])
+        counts = those_that_count(landmarks.is_vague(rows))
         return cls(view, sensor, found, position, covariance, seen, found_before, counts)
 
     def measured(self, twist: Array) -> Measurements:
@@ -129,10 +129,11 @@ def those_that_count(vague: Mask) -> Mask:
 
 
 def _counted_as_one(covariances: Array) -> Array:
-    """Return covariances (n x 3 x 3, m^2) of vague landmarks with n times the variance along their rays.
+    """Return covariances (n x 3 x 3, m^2) of landmarks of assumed depth with n times the variance along their rays.
 
-    Assumed depths err alike, all too near or all too far: as independent ones, many of them would make a sure but wrong
-    step of the camera. Along the ray lies nearly all of the variance: C C / tr(C) is that share of it.
+    They err alike, all too near or all too far, also once parallax has told their depths: the steps of the camera by
+    which it did were known by the same landmarks. As independent ones, many would make a sure but wrong step. Along
+    the ray lies nearly all of the variance: C C / tr(C) is that share of it.
     """
     trace = np.trace(covariances, axis1=1, axis2=2)[:, None, None]
     return np.asarray(covariances + (len(covariances) - 1) * (covariances @ covariances) / trace)

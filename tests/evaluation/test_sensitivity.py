@@ -50,7 +50,7 @@ def test_numbers_are_halved_and_doubled_and_whole_ones_stay_whole_and_at_least_o
     assert all(isinstance(value, int) for value in changes(rounds).values())
 
 
-def test_the_page_on_tuned_numbers_has_the_values_and_names_of_the_code() -> None:
+def test_the_page_on_tuned_numbers_has_every_one_by_its_name_and_value() -> None:
     page = (Path(__file__).parents[2] / "odom" / "docs" / "sensitivity.md").read_text()
     values = {number.key: number.value for number in tuned_numbers()}
     table = dict(re.findall(r"^\| (\w+\.[\w.]+) \| ([^|]+) \|", page, re.MULTILINE))
@@ -63,6 +63,8 @@ def test_the_page_on_tuned_numbers_has_the_values_and_names_of_the_code() -> Non
     ends = {(key.rpartition(".")[0], key.rpartition(".")[2]) for key in values}
     assert [each for each in without_effect if not any(p.startswith(each[0]) and n == each[1] for p, n in ends)] == []
     assert f"The {len(table) + len(without_effect)} numbers" in page
+    swept = [key for key in values if not key.startswith("backend.chain.")]
+    assert [key for key in swept if not re.search(rf"\b{key.rpartition('.')[2]}\b", page)] == []
 
 
 USUAL = Verdict(frames=100, ate_m=0.010, nees=6.0, tracked=1.0)

@@ -1,7 +1,10 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from odom.frontend.camera.noise_monitor import FeatureNoise, NoiseMonitor
+from odom.frontend.camera.tuning import TUNING
 
 KNOTS = np.array([0.15, 0.3, 0.5, 0.8, 1.2, 2.0])
 START = FeatureNoise(0.6, np.stack([KNOTS, np.full(6, 2.1e-3)]))
@@ -52,3 +55,11 @@ def test_the_inflation_follows_how_much_the_halves_disagree(factor):
         monitor = monitor.with_halves(factor * rng.chisquare(6))
     assert monitor.inflation_by_halves == pytest.approx(factor, rel=0.35)
     assert monitor.covariance_scale >= 1.0
+
+
+def test_the_calibration_errs_by_the_root_of_how_far_the_halves_disagree_beyond_noise():
+    monitor, explained = NoiseMonitor.of(START), TUNING.noise_explained
+    once, twice = (replace(monitor, inflation_by_halves=explained + more).calibration_error for more in (1.0, 4.0))
+    assert replace(monitor, inflation_by_halves=explained).calibration_error == 0.0
+    assert once == pytest.approx(TUNING.noise_calibration_error)
+    assert twice == pytest.approx(2.0 * once)

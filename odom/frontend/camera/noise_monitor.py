@@ -7,6 +7,7 @@ calibration) do not average out and show only in these two. Neither is complete:
 and a shaken camera really jumps. So their mean is used.
 """
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -117,9 +118,7 @@ class NoiseMonitor:
         """The share of a motion by which it may be wrong because of the calibration.
 
         A wrong focal length or lens gives errors in proportion to the motion, and makes the halves of the image
-        disagree: the share is `noise_calibration_error` where calibration causes all of the disagreement, 0 where noise
-        explains it.
+        disagree: by the square of its error, as far as noise does not explain it.
         """
-        return TUNING.noise_calibration_error * max(
-            0.0, 1.0 - TUNING.noise_explained / max(self.inflation_by_halves, 1e-9)
-        )
+        unexplained = max(0.0, self.inflation_by_halves - TUNING.noise_explained)
+        return TUNING.noise_calibration_error * math.sqrt(unexplained)

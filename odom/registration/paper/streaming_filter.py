@@ -21,6 +21,7 @@ from odom.registration.measurement_covariance import bad_covariance, precisions
 from odom.registration.pair_information import accumulate, information_matrix
 from odom.registration.pairs import Pairs, Prior, Registration, Verdict, degenerate
 from odom.registration.paper.hinfinity import check_settings, discount
+from odom.registration.paper.kalman_filter import horn_start
 from odom.registration.paper.tuning import TUNING
 from odom.registration.solution import prior_information
 from odom.registration.tuning import TUNING as ENGINE
@@ -45,9 +46,9 @@ class RecursiveFilter:
     `prior` is a motion prediction: where S_k is linearised and, with a covariance, evidence. `centroids` makes it the
     rotation-only filter of the paper's nine states, which takes no such evidence. `theta` = 1 / gamma (0: Kalman),
     `alpha` > 0 the norm-bounded form of the source's noise, else its second moment. Without a prior S_k is linearised
-    at the estimate so far, so filters to be merged should share a prior. Of the `count` pairs seen so far, `A` (6 x 10)
-    and `y` (12) hold the sums (see `accumulate`), `summed_noise` (3 x 3, m^2) that of S_k. Raises InputError for
-    settings that make no filter.
+    at the estimate so far, first at Horn's motion of the pairs at hand, so filters to be merged should share a prior.
+    Of the `count` pairs seen so far, `A` (6 x 10) and `y` (12) hold the sums (see `accumulate`), `summed_noise` (3 x 3,
+    m^2) that of S_k. Raises InputError for settings that make no filter.
     """
 
     prior: Prior | None = None
@@ -84,16 +85,16 @@ class RecursiveFilter:
         Raises InputError for values that are not finite, covariances that are not positive definite, or missing.
         """
         arrays = checked(pairs)
-        q, p = arrays.q, arrays.p
         if self.centroids is not None:
-            q, p = q - self.centroids.source, p - self.centroids.target
+            arrays = arrays._replace(q=arrays.q - self.centroids.source, p=arrays.p - self.centroids.target)
         W = np.empty((len(arrays.q), 8))
-        R = self._linearised_at()
+        is_first = self.prior is None and self.states is None
+        R = horn_start(arrays) if is_first else self._linearised_at()
         bad = precisions(arrays.Sq, arrays.Sp, R, self.alpha, W)
         if bad >= 0:
             raise bad_covariance(bad)
         A, y = self.A.copy(), self.y.copy()
-        accumulate(q, p, W, arrays.weights, A, y)
+        accumulate(arrays.q, arrays.p, W, arrays.weights, A, y)
         used = arrays.weights > 0.0
         Sq, Sp = (S[used].sum(axis=0) if len(S) else np.zeros((3, 3)) for S in (arrays.Sq, arrays.Sp))
         noise = self.summed_noise + Sp + R[:3, :3] @ Sq @ R[:3, :3].T

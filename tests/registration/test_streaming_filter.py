@@ -76,6 +76,20 @@ def test_without_any_prior_the_first_pairs_are_linearised_near_their_own_motion(
     assert 4.5 < np.mean(nees) < 8.0
 
 
+@pytest.mark.parametrize("blocks", [1, 60])
+@pytest.mark.parametrize("is_rotation_only", [False, True])
+def test_points_on_a_line_are_degenerate_unless_the_prior_is_evidence(blocks, is_rotation_only, rng):
+    C, noise = np.full((400, 3), 1e-4), rng.normal(0.0, 0.01, (2, 400, 3))
+    line = np.column_stack([rng.uniform(-0.3, 0.3, 400), np.zeros(400), np.full(400, 2.5)])
+    pairs, T = Pairs(line + noise[0], line + noise[1], C, C), np.eye(4)
+    centroids = Centroids(pairs.points_source.mean(axis=0), pairs.points_target.mean(axis=0))
+    start = RecursiveFilter(Prior(T), centroids if is_rotation_only else None)
+    result = absorbed(start, pairs, blocks).estimate()
+    assert not result.ok
+    assert "line" in result.reason
+    assert absorbed(RecursiveFilter(Prior(T, 1e-4 * np.eye(6))), pairs, blocks).estimate().ok
+
+
 def test_it_may_be_asked_at_any_time_and_grows_surer(rng):
     _, pairs = noisy_pairs(rng, 40)
     state, traces = RecursiveFilter(), []

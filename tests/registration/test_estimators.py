@@ -169,6 +169,18 @@ def test_the_covariance_of_a_motion_found_with_its_scale_is_true(estimator, dist
     assert np.mean(nees) == pytest.approx(6.0, abs=1.5)
 
 
+@pytest.mark.parametrize("estimator", [kalman, register, wicp])
+def test_the_scale_of_a_noisy_source_is_not_too_small(estimator):
+    scales = []
+    for seed in range(60):
+        rng = np.random.default_rng(seed)
+        q, sigma = rng.uniform(-0.2, 0.2, (400, 3)), 0.02
+        noise, C = rng.normal(0.0, sigma, (2, 400, 3)), np.full((400, 3), sigma**2)
+        result = with_scale(estimator)(Pairs(q + noise[0], 1.3 * q + noise[1], C, C))
+        scales.append(result.scale / 1.3)
+    assert np.mean(scales) == pytest.approx(1.0, abs=3.0 * np.std(scales) / np.sqrt(60))
+
+
 @pytest.mark.parametrize("noise_m", [0.0, 0.01])
 def test_a_flat_target_is_registered_by_em_icp(noise_m):
     rng = np.random.default_rng(0)

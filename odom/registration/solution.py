@@ -65,8 +65,7 @@ def solve(
     n = len(arrays.q)
     motion, weights = T.copy(), weights.copy()
     found = Output(np.empty((n, 8)), np.empty((12, 12)), np.empty(12), np.empty((6, 6)), np.empty(n), np.empty(6))
-    needs_R = len(arrays.Sq) > 0 and not alpha > 0.0
-    rounds = _GATED_ROUNDS if bound < np.inf else _LINEARISATIONS if needs_R else 1
+    rounds = _GATED_ROUNDS if bound < np.inf else _LINEARISATIONS if len(arrays.Sq) > 0 else 1
     known = prior_information(prior)
     status = recurse(arrays, known, alpha, bound, rounds, motion, weights, found)
     if status > 0:

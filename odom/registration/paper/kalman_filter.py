@@ -15,8 +15,9 @@ def kalman(pairs: Pairs, prior: Prior | None = None) -> Registration:
     """Return the motion of `pairs` by the Kalman filter (eqs. 11-16, with Q = 0 in eq. 13) in information form.
 
     Corrected against the paper: H_k is built from q, not p; R_k holds variances, not standard deviations, and the
-    source's noise (`S_k = Sp + R Sq R'`); the joint state needs no centroids; there is no P_0 = Q, which would be a
-    strong prior on the identity; and the projection onto SE(3) is weighted by the information.
+    source's noise (`S_k = Sp + R Sq R'`), which is allowed for in H_k, too (`allow_for_source_noise`); the joint state
+    needs no centroids; there is no P_0 = Q, which would be a strong prior on the identity; and the projection onto
+    SE(3) is weighted by the information.
     The verdict is DEGENERATE for fewer than 3 pairs and points on a line, unless a prior with covariance makes up for
     them. Errors as for `register`.
     """

@@ -18,7 +18,7 @@ from odom.registration.checked_arrays import checked
 from odom.registration.conditioning import scaled_conditioning
 from odom.registration.linear_algebra import cholesky_solve
 from odom.registration.measurement_covariance import bad_covariance, precisions
-from odom.registration.pair_information import accumulate, information_matrix
+from odom.registration.pair_information import accumulate, allow_for_source_noise, information_matrix
 from odom.registration.pairs import Pairs, Prior, Registration, Verdict, degenerate
 from odom.registration.paper.hinfinity import check_settings, discount
 from odom.registration.paper.kalman_filter import horn_start
@@ -97,6 +97,7 @@ class RecursiveFilter:
             raise bad_covariance(bad)
         A, y = self.A.copy(), self.y.copy()
         accumulate(arrays.q, arrays.p, W, arrays.weights, A, y)
+        allow_for_source_noise(arrays.Sq, R, W, arrays.weights, y)
         used = arrays.weights > 0.0
         Sq, Sp = (S[used].sum(axis=0) if len(S) else np.zeros((3, 3)) for S in (arrays.Sq, arrays.Sp))
         noise = self.summed_noise + Sp + R[:3, :3] @ Sq @ R[:3, :3].T

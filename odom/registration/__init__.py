@@ -10,8 +10,8 @@ measurement matrix, the paper's H_R of eq. (10) extended by t; the paper's R_k i
 Equation numbers are those of A. Amamra et al., "A Recursive Robust Filtering Approach for 3D Registration". The paper
 leaves its filter's formulas (eq. 28) to Y. Hung and F. Yang, Automatica 39, 2003: "Hung and Yang" below. Where the
 paper errs, the code that differs says so: eq. (4) in `with_scale`, Algorithm 1 in `kalman`, eq. (21) in `ZLevels`,
-eq. (25) in `precisions`; and so does the one that departs for another reason: theta changes the covariance, not the
-pose (`discount`).
+eq. (25) in `precisions`, eqs. (14)-(16) in `allow_for_source_noise`; and so does the one that departs for another
+reason: theta changes the covariance, not the pose (`discount`).
 
 Names are imported on first use, so that processes which need only the types do not load the compiler.
 """

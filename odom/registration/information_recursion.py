@@ -13,7 +13,7 @@ from odom.geometry.compiled import compiled
 from odom.registration.checked_arrays import Arrays
 from odom.registration.linear_algebra import cholesky_solve
 from odom.registration.measurement_covariance import precisions
-from odom.registration.pair_information import accumulate, information_matrix
+from odom.registration.pair_information import accumulate, allow_for_source_noise, information_matrix
 from odom.registration.weighted_horn import rotation_of, weighted_horn
 from odom.registration.weighted_projection import project_onto_se3
 
@@ -87,10 +87,10 @@ def recurse(
 ) -> int:
     """Run the recursion over all pairs with `g` > 0 and project onto SE(3), `rounds` times; fill `output`.
 
-    Each round takes the R of `S_k` from the one before. `T` holds the linearisation on entry (not looked at without
-    `Sq`), the motion on return; `prior` is its information (6 x 6 or empty) and the motion it lies at. With a finite
-    `bound` the pairs within it have their given weight in the next round. Returns 0, 1 + k when the covariance of pair
-    k cannot be used, or -1 when the motion is not determined.
+    Each round takes the R of `S_k`, and of what allows for the source's noise in `Y`, from the one before. `T` holds
+    the linearisation on entry (not looked at without `Sq`), the motion on return; `prior` is its information (6 x 6 or
+    empty) and the motion it lies at. With a finite `bound` the pairs within it have their given weight in the next
+    round. Returns 0, 1 + k when the covariance of pair k cannot be used, or -1 when the motion is not determined.
     """
     q, p, Sq, Sp, given = arrays
     Y0, T0 = prior
@@ -110,7 +110,9 @@ def recurse(
         if free and not affine_start(Y, y, T):
             weighted_horn(q, p, W, g, T)
         free = False
-        if project_onto_se3(Y, y, Y0, T0, T, H) == 0:
+        allowed = y.copy()
+        allow_for_source_noise(Sq, T, W, g, allowed)
+        if project_onto_se3(Y, allowed, Y0, T0, T, H) == 0:
             return -1
         # which pairs count in the next round
         statistics(q, p, W, g, T, chi2, sums)

@@ -53,6 +53,28 @@ def accumulate(q: Array, p: Array, W: Array, g: Array, A: Array, y: Array) -> No
 
 
 @compiled
+def allow_for_source_noise(Sq: Array, R: Array, W: Array, g: Array, y: Array) -> None:
+    """Add `g[k] inv(S_k) R Sq` of each pair to the entries of `y` (12) that belong to R: eqs. (14)-(16), corrected.
+
+    They take C for known, but its h holds the source's noise: `sum C'inv(S) C` is too large by `sum inv(S) (x) Sq`,
+    however many the pairs, and the motion turns to where that costs least (errors in variables: W. Fuller, "Measurement
+    Error Models", 1987, chapter 2). `y` grows by that noise times the motion, near which `R` lies, instead of Y
+    shrinking, which stays positive so. `Sq` of length 0: no noise.
+    """
+    for k in range(len(Sq)):
+        s = g[k]
+        if s <= 0.0:
+            continue
+        for j in range(3):
+            u = s * (R[0, 0] * Sq[k, 0, j] + R[0, 1] * Sq[k, 1, j] + R[0, 2] * Sq[k, 2, j])
+            v = s * (R[1, 0] * Sq[k, 0, j] + R[1, 1] * Sq[k, 1, j] + R[1, 2] * Sq[k, 2, j])
+            w = s * (R[2, 0] * Sq[k, 0, j] + R[2, 1] * Sq[k, 1, j] + R[2, 2] * Sq[k, 2, j])
+            y[j] += W[k, 0] * u + W[k, 1] * v + W[k, 2] * w
+            y[4 + j] += W[k, 1] * u + W[k, 3] * v + W[k, 4] * w
+            y[8 + j] += W[k, 2] * u + W[k, 4] * v + W[k, 5] * w
+
+
+@compiled
 def information_matrix(A: Array, Y: Array) -> None:
     """Set `Y` (12 x 12) to the information matrix that `A` (6 x 10) holds."""
     row = _ROW

@@ -9,6 +9,7 @@ from odom.registration.checked_arrays import Arrays
 from odom.registration.information_recursion import Output, recurse
 from odom.registration.measurement_covariance import bad_covariance
 from odom.registration.pairs import Prior
+from odom.registration.weighted_projection import tangent_basis
 
 _GATED_ROUNDS = 6
 """Bound of the rounds in which pairs may join or leave; 3 give the same motions."""
@@ -22,7 +23,8 @@ class Solution(NamedTuple):
     """What the recursion knows after all pairs: the motion T, its information H, Y and y of vec[R | t].
 
     `W`, `weights` and `chi2` belong to the pairs, `sums` (6) are those of `statistics`; `determined` is False where
-    the pairs do not fix the motion. `by_prior` is how many of its 6 numbers are the prior's: trace(inv(H) H_prior).
+    the pairs do not fix the motion. `by_prior` is how many of its 6 numbers the prior tells, not the pairs:
+    6 - trace(inv(H) B'Y B), with B as in `tangent_basis`.
     """
 
     T: Array
@@ -63,8 +65,7 @@ def solve(
     n = len(arrays.q)
     motion, weights = T.copy(), weights.copy()
     found = Output(np.empty((n, 8)), np.empty((12, 12)), np.empty(12), np.empty((6, 6)), np.empty(n), np.empty(6))
-    needs_R = len(arrays.Sq) > 0 and not alpha > 0.0
-    rounds = _GATED_ROUNDS if bound < np.inf else _LINEARISATIONS if needs_R else 1
+    rounds = _GATED_ROUNDS if bound < np.inf else _LINEARISATIONS if len(arrays.Sq) > 0 else 1
     known = prior_information(prior)
     status = recurse(arrays, known, alpha, bound, rounds, motion, weights, found)
     if status > 0:
@@ -72,7 +73,11 @@ def solve(
     W, Y, y, H, chi2, sums = found
     if status < 0:  # no motion was found
         chi2.fill(np.nan)
-    by_prior = float(np.trace(np.linalg.solve(H, known[0]))) if status == 0 and len(known[0]) else 0.0
+    by_prior = 0.0
+    if status == 0 and len(known[0]) > 0:
+        B = np.empty((12, 6))
+        tangent_basis(motion, B)
+        by_prior = 6.0 - float(np.trace(np.linalg.solve(H, B.T @ Y @ B)))
     return Solution(motion, H, Y, y, W, weights, chi2, sums, status == 0, by_prior)
 
 

@@ -11,7 +11,19 @@ from registration_clouds import noisy_pairs
 
 from odom.errors import InputError
 from odom.geometry.se3 import adjoint, apply, exp, inverse, log
-from odom.registration import Pairs, Prior, Verdict, em_icp, horn, kalman, register, robust, wicp, with_scale
+from odom.registration import (
+    Pairs,
+    Prior,
+    RecursiveFilter,
+    Verdict,
+    em_icp,
+    horn,
+    kalman,
+    register,
+    robust,
+    wicp,
+    with_scale,
+)
 
 ALL = {"horn": horn, "wicp": wicp, "em_icp": em_icp, "kalman": kalman, "robust": robust, "register": register}
 every = pytest.mark.parametrize("estimator", ALL.values(), ids=ALL.keys())
@@ -144,6 +156,28 @@ def test_a_prior_without_covariance_is_only_where_to_begin(estimator, rng):
     np.testing.assert_allclose(one.T_target_source, other.T_target_source, atol=1e-5)
 
 
+def streamed(pairs):
+    state = RecursiveFilter()
+    for k in range(0, len(pairs), 500):
+        state = state.absorb(pairs[k : k + 500])
+    return state.estimate()
+
+
+@pytest.mark.parametrize("estimator", [kalman, robust, register, streamed])
+def test_the_noise_of_the_source_does_not_turn_the_motion(estimator):
+    """Noise that is larger along one axis, which the two clouds see along different ones, pulls at a rotation."""
+    nees, sigma = [], np.array([0.002, 0.002, 0.013])
+    T = exp(np.array([0.1, 0.0, 0.2, 0.0, np.pi / 6, 0.0]))
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        q, C = rng.uniform(-0.2, 0.2, (5000, 3)), np.tile(np.diag(sigma**2), (5000, 1, 1))
+        noise = sigma * rng.normal(size=(2, 5000, 3))
+        result = estimator(Pairs(q + noise[0], apply(T, q) + noise[1], C, C))
+        off = log(inverse(result.T_target_source) @ T)
+        nees.append(off @ np.linalg.solve(result.covariance, off))
+    assert np.mean(nees) == pytest.approx(6.0, abs=3.0)
+
+
 @every
 def test_scale_is_found_on_request(estimator, rng):
     T, pairs = noisy_pairs(rng, 200, angle=0.2)
@@ -167,6 +201,18 @@ def test_the_covariance_of_a_motion_found_with_its_scale_is_true(estimator, dist
         off = log(inverse(result.T_target_source) @ T)
         nees.append(off @ np.linalg.solve(result.covariance, off))
     assert np.mean(nees) == pytest.approx(6.0, abs=1.5)
+
+
+@pytest.mark.parametrize("estimator", [kalman, register, wicp])
+def test_the_scale_of_a_noisy_source_is_not_too_small(estimator):
+    scales = []
+    for seed in range(60):
+        rng = np.random.default_rng(seed)
+        q, sigma = rng.uniform(-0.2, 0.2, (400, 3)), 0.02
+        noise, C = rng.normal(0.0, sigma, (2, 400, 3)), np.full((400, 3), sigma**2)
+        result = with_scale(estimator)(Pairs(q + noise[0], 1.3 * q + noise[1], C, C))
+        scales.append(result.scale / 1.3)
+    assert np.mean(scales) == pytest.approx(1.0, abs=3.0 * np.std(scales) / np.sqrt(60))
 
 
 @pytest.mark.parametrize("noise_m", [0.0, 0.01])

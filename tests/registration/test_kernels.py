@@ -64,6 +64,19 @@ def test_information_is_the_sum_of_the_pairs(rng):
     np.testing.assert_allclose(y, right, rtol=1e-8)
 
 
+def test_what_is_added_for_the_sources_noise_is_its_share_of_the_information_times_the_motion(rng):
+    Sq, Sp, weights = random_covariances(rng, 20), random_covariances(rng, 20), rng.uniform(-0.5, 1.0, 20)
+    T, W, y = se3.exp(rng.normal(size=6)), np.empty((20, 8)), np.zeros(12)
+    measurement_covariance.precisions(Sq, Sp, T, 0.0, W)
+    pair_information.allow_for_source_noise(Sq, T, W, weights, y)
+    noise = np.zeros((12, 12))
+    for weight, Q, P in zip(np.maximum(weights, 0.0), Sq, Sp, strict=True):
+        padded = np.zeros((4, 4))
+        padded[:3, :3] = Q
+        noise += weight * np.kron(np.linalg.inv(P + T[:3, :3] @ Q @ T[:3, :3].T), padded)
+    np.testing.assert_allclose(y, noise @ T[:3].ravel(), rtol=1e-8, atol=1e-12)
+
+
 def test_eigenvalues_agree_with_numpy(rng):
     S = rng.normal(size=(6, 6))
     S = S @ S.T

@@ -69,12 +69,37 @@ def test_a_prior_makes_up_for_pairs_that_are_too_few(estimator, n):
     assert not estimator(pairs[:0], prior).ok
 
 
-@pytest.mark.parametrize("sigma", [1e-3, 0.1])
+@pytest.mark.parametrize("sigma", [1e-3, 0.1, 0.3])
 def test_the_variance_factor_of_few_pairs_with_a_prior_is_one_where_the_noise_is_true(sigma):
     factors = []
     for seed in range(300):
         _, pairs, prior = vague(seed, sigma)
         factors.append(kalman(pairs[:4], prior).variance_factor)
+    assert np.mean(factors) == pytest.approx(1.0, abs=0.1)
+
+
+def correlated(seed):
+    """Return the true motion, 4 accurate pairs and a prior of correlated errors of .1 m and .2 rad."""
+    rng = np.random.default_rng(seed)
+    T, q, sigma = exp(rng.normal(size=6)), rng.uniform(-1.0, 1.0, (4, 3)), np.array([0.002, 0.002, 0.01])
+    root = rng.normal(size=(6, 6))
+    root *= np.array([0.1, 0.1, 0.1, 0.2, 0.2, 0.2])[:, None] / np.linalg.norm(root, axis=1, keepdims=True)
+    prior = Prior(T @ exp(-root @ rng.normal(size=6)), root @ root.T)
+    noise, C = sigma * rng.normal(size=(2, 4, 3)), np.tile(np.diag(sigma**2), (4, 1, 1))
+    return T, Pairs(q + noise[0], apply(T, q) + noise[1], C, C), prior
+
+
+@pytest.mark.parametrize("estimator", [kalman, robust])
+def test_a_prior_of_correlated_errors_does_not_make_few_pairs_look_better_than_they_are(estimator):
+    """Its share of the six numbers of a motion is at most six, however far it is off."""
+    nees, factors = [], []
+    for seed in range(400):
+        T, pairs, prior = correlated(seed)
+        result = estimator(pairs, prior)
+        xi = log(inverse(result.T_target_source) @ T)
+        nees.append(xi @ np.linalg.solve(result.covariance, xi))
+        factors.append(result.variance_factor)
+    assert np.mean(nees) == pytest.approx(6.0, abs=1.0)
     assert np.mean(factors) == pytest.approx(1.0, abs=0.1)
 
 

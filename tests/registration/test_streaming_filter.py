@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from registration_clouds import noisy_pairs
 
 from odom.errors import InputError
-from odom.geometry.se3 import exp, inverse, log
+from odom.geometry.se3 import apply, exp, inverse, log
 from odom.registration import Centroids, Pairs, Prior, RecursiveFilter, kalman, robust
 
 
@@ -60,6 +60,34 @@ def test_without_any_prior_one_by_one_is_nearly_as_good(rng):
     found = absorbed(RecursiveFilter(), pairs, 200).estimate()
     step = log(inverse(kalman(pairs).T_target_source) @ found.T_target_source)
     assert step @ np.linalg.solve(found.covariance, step) < 1.0
+
+
+@pytest.mark.parametrize("blocks", [1, 4])
+def test_without_any_prior_the_first_pairs_are_linearised_near_their_own_motion(blocks):
+    nees = []
+    for seed in range(60):
+        rng = np.random.default_rng(seed)
+        q, T = rng.uniform(-0.5, 0.5, (400, 3)), exp(np.array([0.1, 0.2, -0.3, 0.0, np.pi / 2, 0.0]))
+        C = np.tile(np.diag([1e-6, 1e-6, 1e-4]), (400, 1, 1))
+        noise = rng.normal(0.0, np.sqrt(np.diag(C[0])), (2, 400, 3))
+        result = absorbed(RecursiveFilter(), Pairs(q + noise[0], apply(T, q) + noise[1], C, C), blocks).estimate()
+        xi = log(inverse(result.T_target_source) @ T)
+        nees.append(xi @ np.linalg.solve(result.covariance, xi))
+    assert 4.5 < np.mean(nees) < 8.0
+
+
+@pytest.mark.parametrize("blocks", [1, 60])
+@pytest.mark.parametrize("is_rotation_only", [False, True])
+def test_points_on_a_line_are_degenerate_unless_the_prior_is_evidence(blocks, is_rotation_only, rng):
+    C, noise = np.full((400, 3), 1e-4), rng.normal(0.0, 0.01, (2, 400, 3))
+    line = np.column_stack([rng.uniform(-0.3, 0.3, 400), np.zeros(400), np.full(400, 2.5)])
+    pairs, T = Pairs(line + noise[0], line + noise[1], C, C), np.eye(4)
+    centroids = Centroids(pairs.points_source.mean(axis=0), pairs.points_target.mean(axis=0))
+    start = RecursiveFilter(Prior(T), centroids if is_rotation_only else None)
+    result = absorbed(start, pairs, blocks).estimate()
+    assert not result.ok
+    assert "line" in result.reason
+    assert absorbed(RecursiveFilter(Prior(T, 1e-4 * np.eye(6))), pairs, blocks).estimate().ok
 
 
 def test_it_may_be_asked_at_any_time_and_grows_surer(rng):

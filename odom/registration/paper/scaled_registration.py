@@ -15,7 +15,8 @@ def with_scale(estimator: Estimator) -> Estimator:
     """Return the estimator that also finds the scale s of `p = s R q + t`, as `Registration.scale`.
 
     Eq. (4) sums ratios, which noise near the centroid ruins; here it is the ratio of sums, `s = sum w p' R q / sum w
-    |R q|^2` about the (weighted) centroids. `T_target_source` and its covariance are of the source points times the
+    |R q|^2` about the (weighted) centroids, corrected for the source's noise: `sum w |R q|^2` is too large by
+    `sum w tr Sq`, where that is stated. `T_target_source` and its covariance are of the source points times the
     scale; the covariance allows for the scale's own error. `estimator` takes pairs that belong together, as each does
     by default: of clouds in any order (`matched=False`) no scale is found.
     """
@@ -37,7 +38,9 @@ def with_scale(estimator: Estimator) -> Estimator:
             q = scaled.points_source[used] @ result.T_target_source[:3, :3].T
             p = scaled.points_target[used]
             q, p = q - w @ q, p - w @ p
-            step = float(np.einsum("n,ni,ni->", w, p, q) / np.einsum("n,ni,ni->", w, q, q))  # eq. (4)
+            noise = 0.0 if covariances is None else w @ np.einsum("nii->n", covariances[used])
+            # eq. (4), corrected: at the scale sought, of step 1, sum w p'Rq is less than sum w |Rq|^2 by the noise
+            step = float((np.einsum("n,ni,ni->", w, p, q) + noise) / np.einsum("n,ni,ni->", w, q, q))
             result = replace(result, scale=scale)
             if abs(step - 1.0) < 1e-10:
                 break

@@ -18,9 +18,10 @@ from odom.registration.checked_arrays import checked
 from odom.registration.conditioning import scaled_conditioning
 from odom.registration.linear_algebra import cholesky_solve
 from odom.registration.measurement_covariance import bad_covariance, precisions
-from odom.registration.pair_information import accumulate, information_matrix
+from odom.registration.pair_information import accumulate, allow_for_source_noise, information_matrix
 from odom.registration.pairs import Pairs, Prior, Registration, Verdict, degenerate
 from odom.registration.paper.hinfinity import check_settings, discount
+from odom.registration.paper.kalman_filter import horn_start
 from odom.registration.paper.tuning import TUNING
 from odom.registration.solution import prior_information
 from odom.registration.tuning import TUNING as ENGINE
@@ -45,9 +46,10 @@ class RecursiveFilter:
     `prior` is a motion prediction: where S_k is linearised and, with a covariance, evidence. `centroids` makes it the
     rotation-only filter of the paper's nine states, which takes no such evidence. `theta` = 1 / gamma (0: Kalman),
     `alpha` > 0 the norm-bounded form of the source's noise, else its second moment. Without a prior S_k is linearised
-    at the estimate so far, so filters to be merged should share a prior. Of the `count` pairs seen so far, `A` (6 x 10)
-    and `y` (12) hold the sums (see `accumulate`), `summed_noise` (3 x 3, m^2) that of S_k. Raises InputError for
-    settings that make no filter.
+    at the estimate so far, first at Horn's motion of the pairs at hand, so filters to be merged should share a prior.
+    Of the `count` pairs seen so far, `A` (6 x 10) and `y` (12) hold the sums (see `accumulate`), `summed_noise` (3 x 3,
+    m^2) that of S_k, `spread` (4 x 4) that of h h' with h = [q 1], each over the mean variance of S_k. Raises
+    InputError for settings that make no filter.
     """
 
     prior: Prior | None = None
@@ -58,6 +60,7 @@ class RecursiveFilter:
     A: Array = field(default_factory=lambda: np.zeros((6, 10)))
     y: Array = field(default_factory=lambda: np.zeros(12))
     summed_noise: Array = field(default_factory=lambda: np.zeros((3, 3)))
+    spread: Array = field(default_factory=lambda: np.zeros((4, 4)))
 
     def __post_init__(self) -> None:
         check_settings(self.theta, self.alpha)
@@ -84,20 +87,24 @@ class RecursiveFilter:
         Raises InputError for values that are not finite, covariances that are not positive definite, or missing.
         """
         arrays = checked(pairs)
-        q, p = arrays.q, arrays.p
         if self.centroids is not None:
-            q, p = q - self.centroids.source, p - self.centroids.target
+            arrays = arrays._replace(q=arrays.q - self.centroids.source, p=arrays.p - self.centroids.target)
         W = np.empty((len(arrays.q), 8))
-        R = self._linearised_at()
+        is_first = self.prior is None and self.states is None
+        R = horn_start(arrays) if is_first else self._linearised_at()
         bad = precisions(arrays.Sq, arrays.Sp, R, self.alpha, W)
         if bad >= 0:
             raise bad_covariance(bad)
         A, y = self.A.copy(), self.y.copy()
-        accumulate(q, p, W, arrays.weights, A, y)
+        accumulate(arrays.q, arrays.p, W, arrays.weights, A, y)
+        allow_for_source_noise(arrays.Sq, R, W, arrays.weights, y)
         used = arrays.weights > 0.0
         Sq, Sp = (S[used].sum(axis=0) if len(S) else np.zeros((3, 3)) for S in (arrays.Sq, arrays.Sp))
         noise = self.summed_noise + Sp + R[:3, :3] @ Sq @ R[:3, :3].T
-        return replace(self, A=A, y=y, summed_noise=noise, count=self.count + int(np.count_nonzero(used)))
+        h = np.column_stack([arrays.q, np.ones(len(arrays.q))])
+        spread = self.spread + (h.T * (W[:, 6] * arrays.weights)) @ h
+        count = self.count + int(np.count_nonzero(used))
+        return replace(self, A=A, y=y, summed_noise=noise, spread=spread, count=count)
 
     def merge(self, other: "RecursiveFilter") -> "RecursiveFilter":
         """Return the filter that has seen what both have; the prior that they share counts once.
@@ -112,21 +119,26 @@ class RecursiveFilter:
             A=self.A + other.A,
             y=self.y + other.y,
             summed_noise=self.summed_noise + other.summed_noise,
+            spread=self.spread + other.spread,
             count=self.count + other.count,
         )
 
     def estimate(self) -> Registration:
         """Return the motion so far; `inliers` and `chi2` are empty and `variance_factor` NaN: pairs are not kept.
 
+        The verdict is DEGENERATE for fewer than 3 pairs, points on a line and a rotation that is too unsure, unless the
+        prior is evidence.
         `details`: count, theta and gamma as used (theta is halved until the filter exists), halvings, alpha.
         """
         Y, y = np.empty((12, 12)), self.y.copy()
         information_matrix(self.A, Y)
         H = np.zeros((6, 6))
         T = self._linearised_at()
+        Y0, T0 = prior_information(self.prior)
+        if len(Y0) == 0 and self.count >= 3 and self._is_line():
+            return degenerate(0, f"{self.count} points lie on a line or in one place: no rotation, within their noise")
         if self.centroids is not None:
             return self._rotation(Y[np.ix_(_NINE, _NINE)], y[_NINE], Y[_NINE][:, 3::4], self.centroids)
-        Y0, T0 = prior_information(self.prior)
         if project_onto_se3(Y, y, Y0, T0, T, H) == 0:
             return degenerate(0, f"{self.count} pairs do not determine the motion")
         theta, halvings = discount(Y, y, H, self.count, self.theta)
@@ -166,10 +178,8 @@ class RecursiveFilter:
         self, T: Array, covariance: Array, H: Array, origin: Array, theta: float, halvings: int
     ) -> Registration:
         """Return the result of a motion and its information; `origin` (3, m) is that of the source points summed."""
-        sums = self.A[0] + self.A[3] + self.A[5]  # of h h', weighted by the trace of inv(S_k)
-        total = max(float(sums[9]), 1e-300)  # 0 of a prior alone
-        mean, squares = sums[[3, 6, 8]] / total, sums[[0, 4, 7]] / total
-        spread = float(np.sqrt(max(0.0, float((squares - mean**2).sum()))))
+        mean, scatter, total = self._scatter()
+        spread = math.sqrt(max(0.0, float(np.trace(scatter)) / total))
         conditioning = scaled_conditioning(np.ascontiguousarray(H), mean + origin, spread)
         gamma = 1.0 / theta if theta > 0.0 else float("inf")
         details = {"count": float(self.count), "theta": theta, "gamma": gamma}
@@ -178,6 +188,17 @@ class RecursiveFilter:
         return Registration(
             T, covariance, none > 0.0, none, conditioning, Verdict.OK, variance_factor=math.nan, details=details
         )
+
+    def _scatter(self) -> tuple[Array, Array, float]:
+        """Return the source points' mean (3), their scatter about it (3 x 3), weighted as `spread`, and all weights."""
+        total = max(float(self.spread[3, 3]), 1e-300)  # 0 of a prior alone
+        mean = self.spread[3, :3] / total
+        return mean, self.spread[:3, :3] - total * np.outer(mean, mean), total
+
+    def _is_line(self) -> bool:
+        """Return whether the points scatter about a line by no more than their noise, as `registration_of` tells."""
+        _, second, first = np.linalg.eigvalsh(self._scatter()[1])
+        return bool(second < ENGINE.min_scatter_sigmas**2 * self.count or second < 1e-9 * first)
 
     def _linearised_at(self) -> Array:
         """Return a copy of where S_k and the projection begin: the prior, else the estimate so far."""

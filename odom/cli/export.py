@@ -63,7 +63,7 @@ def export(
             raise ConfigError(f"{source} holds poses alone: give the recording that they are of for --to {to}")
     if to == "mesh":
         open3d()
-    names = [source.resolve().stem for source in sources]
+    names = [place.name if place.is_dir() else place.stem for place in map(Path.resolve, sources)]
     if len(set(names)) < len(names):
         raise ConfigError(f"two sources have one name: {', '.join(names)}; export them one by one")
     folders = [out / name if len(names) > 1 else out for name in names]

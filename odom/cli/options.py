@@ -35,7 +35,7 @@ Start = Annotated[float, typer.Option(min=0, help="Seconds of a recording to ski
 End = Annotated[float | None, typer.Option(min=0, help="Seconds from a recording's beginning to stop at.")]
 Seconds = Annotated[
     float | None,
-    typer.Option(min=0, help="End after so many seconds (arena, live cameras, ROS 2, motion capture)."),
+    typer.Option(min=0.001, help="End after so many seconds (arena, live cameras, ROS 2, motion capture)."),
 ]
 OwnTopics = Annotated[
     list[str] | None, typer.Option(help="A recording's own topic: color=, depth=, camera_info= or truth=/name.")

@@ -70,6 +70,7 @@ WRONG = [
     (("desk", "--start", "1e300"), "--start 1e+300: give at most 1e+08 seconds"),
     (("desk", "--end", "1305031102.2"), "counted from the beginning"),
     (("arena", "--seconds", "1e300"), "--seconds 1e+300"),
+    (("arena", "--seconds", "0"), "--seconds"),
     (("desk", "--namespace", "truth"), "give another name"),
     (("desk", "--namespace", "a b"), "give letters"),
     (("desk", "--headless", "--web"), "contradict"),

@@ -46,6 +46,26 @@ def test_a_wrong_setting_is_named(tmp_path: Path, text: str, named: str) -> None
         load_settings(file)
 
 
+@pytest.mark.parametrize(
+    ("text", "named"),
+    [
+        ("odometry: {pixel_sigma_px: 1}\nwire: {}\nodometry:\n  self_calibration: false\n", "line 3: 'odometry'"),
+        ("wire:\n  lease_ms: 3000\n  lease_ms: 4000\n", "line 3: 'lease_ms'"),
+    ],
+)
+def test_what_stands_twice_in_a_file_is_refused_with_its_line(tmp_path: Path, text: str, named: str) -> None:
+    file = tmp_path / "odom.yaml"
+    file.write_text(text)
+    with pytest.raises(ConfigError, match=f"{file}, {named} stands twice"):
+        load_settings(file)
+
+
+def test_a_section_may_take_over_another_and_change_it(tmp_path: Path) -> None:
+    file = tmp_path / "odom.yaml"
+    file.write_text("wire: {zenoh: {a: &a {x: 1, y: 2}, b: {<<: *a, x: 3}}}\n")
+    assert load_settings(file).wire.zenoh["b"] == {"x": 3, "y": 2}
+
+
 def printed(*arguments: str) -> str:
     done = CliRunner().invoke(app, ["config", *arguments])
     assert done.exit_code == 0

@@ -22,7 +22,7 @@ _TRAJECTORIES = ("kitti", "euroc", "tum")
 def export(
     sources: Annotated[list[Path], typer.Argument(help="Recordings; for tum, kitti and euroc folders of runs, too.")],
     to: Annotated[Format, typer.Option(help="What to write.")],
-    out: Annotated[Path, typer.Option(help="Folder to write, new or empty; of several sources one below it each.")],
+    out: Annotated[Path, options.out_folder("Folder to write, new or empty; of several sources one below it each.")],
     neighbours: Annotated[
         int, typer.Option(min=0, help="Frames on each side of a key frame of which the sharpest is taken.")
     ] = 2,

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
@@ -60,6 +60,17 @@ Localize = Annotated[
     bool, typer.Option("--localize", help="Only find the camera in the map of --map; nothing is written to it.")
 ]
 Rate = Annotated[float, typer.Option(min=0.001, help="Speed of --realtime.")]
+
+
+def out_folder(meaning: str) -> Any:
+    """Return the option `--out` for a folder, which refuses an empty text: `Path("")` is the present folder."""
+    return typer.Option("--out", help=meaning, parser=_named, metavar="PATH")
+
+
+def _named(text: str) -> Path:
+    if not text:
+        raise typer.BadParameter("is empty: give a folder, '.' for this one")
+    return Path(text)
 
 
 def wire_settings(

@@ -21,7 +21,7 @@ def run(
     source: options.SourceName = "arena",
     out: Annotated[
         Path | None,
-        typer.Option(help="Folder of the run's files; without it one below out/ named for source and time."),
+        options.out_folder("Folder of the run's files; without it one below out/ named for source and time."),
     ] = None,
     headless: Annotated[bool, typer.Option("--headless", help="Show nothing.")] = False,
     web: Annotated[bool, typer.Option("--web", help="Show the run in a browser instead of a window.")] = False,

@@ -17,13 +17,14 @@ from odom.cli.options import (
     Namespace,
     Ros2,
     check_map,
+    out_folder,
     wire_settings,
     with_mask,
 )
 
 
 def serve(
-    out: Annotated[Path | None, typer.Option(help="Folder for odometry.txt, trajectory.txt and report.json.")] = None,
+    out: Annotated[Path | None, out_folder("Folder for odometry.txt, trajectory.txt and report.json.")] = None,
     until_end: Annotated[bool, typer.Option("--until-end", help="End when the source ends.")] = False,
     chain: Annotated[
         bool, typer.Option("--chain", hidden=True, help="Not needed: chain.txt is always written.")

@@ -201,6 +201,22 @@ def test_a_folder_that_cannot_be_written_is_refused(folder: Path) -> None:
     assert "cannot be written" in refusal("run", folder, "--headless", "--out", folder / "camera.yaml")
 
 
+@pytest.mark.parametrize(
+    "command",
+    [
+        ("run", "desk", "--headless"),
+        ("serve",),
+        ("batch", "desk"),
+        ("export", "desk", "--to", "tum"),
+        ("map", "export", "desk.map"),
+        ("bench", "robustness", "desk"),
+    ],
+)
+def test_a_folder_without_a_name_is_not_taken_for_the_present_one(folder: Path, command: tuple[str, ...]) -> None:
+    assert "--out" in (words := refusal(*command, "--out", ""))
+    assert "is empty" in words
+
+
 def test_runs_that_start_together_get_folders_of_their_own(tmp_path: Path) -> None:
     wanted = tmp_path / "out" / "arena-20260101-000000"
     assert [new_folder(wanted).name for _ in range(3)] == [wanted.name, f"{wanted.name}-2", f"{wanted.name}-3"]

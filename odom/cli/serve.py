@@ -53,11 +53,13 @@ def serve(
     from odom.service.result_files import RunFiles
     from odom.service.run_folder import held
     from odom.service.settings import load_settings
+    from odom.wire.session import zenoh_config
 
     check_map(map_, localize)
     settings = with_mask(load_settings(config), mask)
     wire = wire_settings(config, connect, listen, mode, namespace, ros2)
     settings = settings.model_copy(update={"wire": wire})
+    zenoh_config(wire)
     with ExitStack() as stack:
         files = None
         if out is not None:

@@ -22,6 +22,8 @@ _ADVICE = {
 }
 """What to do about Zenoh's reasons, by words that they hold."""
 _SOURCE_LINE = re.compile(r" at \S+\.rs:\d+")
+_QUOTED = re.compile(r'"(.*)"')
+"""The words for people in what Zenoh raises for a setting."""
 _IP_ENDPOINT = re.compile(r"(tcp|tls|udp|quic|ws)/(\[[^\]]+\]|[^:/\[\]]+):(\d+)([?#].*)?\Z")
 """HOST:PORT, and behind it what Zenoh may be told about the link."""
 _OTHER_ENDPOINT = re.compile(r"(?!(tcp|tls|udp|quic|ws)/)[a-z0-9_-]+/.+\Z")
@@ -105,14 +107,10 @@ class WireSession:
 def open_session(settings: WireSettings) -> Iterator[WireSession]:
     """Open a session and close it at the end.
 
-    Raises ConfigError for what is no endpoint, WireError when the configuration is not accepted or no endpoint can be
-    used.
+    Raises ConfigError for what is no endpoint or no setting of Zenoh, WireError when no endpoint can be used.
     """
-    _check_endpoints((*settings.connect, *settings.listen))
-    config = zenoh.Config()
+    config = zenoh_config(settings)
     try:
-        for path, value in {**_configuration(settings), **settings.zenoh}.items():
-            config.insert_json5(path, json.dumps(value))
         opened = zenoh.open(config)
     except zenoh.ZError as error:
         where = ", ".join((*(settings.listen if settings.mode != "client" else ()), *settings.connect))
@@ -124,6 +122,20 @@ def open_session(settings: WireSettings) -> Iterator[WireSession]:
         yield session
     finally:
         session.close()
+
+
+def zenoh_config(settings: WireSettings) -> zenoh.Config:
+    """Return what Zenoh is told; raises ConfigError for what it would not take, or would try for ever."""
+    _check_endpoints((*settings.connect, *settings.listen))
+    config = zenoh.Config()
+    for path, value in {**_configuration(settings), **settings.zenoh}.items():
+        try:
+            config.insert_json5(path, json.dumps(value))
+        except zenoh.ZError as error:
+            reason = _SOURCE_LINE.sub("", str(error))
+            quoted = _QUOTED.search(reason)
+            raise ConfigError(f"wire.zenoh: {path!r} cannot be set: {quoted[1] if quoted else reason}") from error
+    return config
 
 
 def _check_endpoints(endpoints: tuple[str, ...]) -> None:

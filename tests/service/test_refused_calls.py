@@ -83,6 +83,7 @@ WRONG = [
     (("desk", "--record", "old.mcap"), "replace it with --overwrite"),
     (("desk", "--record", "left.mcap", "--overwrite"), "`odom recover left.mcap.part OUT.mcap` saves it"),
     (("desk", "--config", "typo.yaml"), "typo.yaml"),
+    (("desk", "--config", "zenoh.yaml"), "wire.zenoh: 'transport/lnk' cannot be set"),
     (("arena", "--camera", "desk/camera.yaml"), "has no use for --camera"),
     (("arena", "--option", "walls=7"), "walls"),
     (("arena", "--sensor", "kinect2", "--option", "walls=7"), "walls"),
@@ -101,6 +102,7 @@ def test_a_refused_run_starts_nothing_and_touches_nothing(
 ) -> None:
     record(tmp_path / "old.mcap")
     (tmp_path / "half.yaml").write_text("image_width: 640\nimage_height: 480\n")
+    (tmp_path / "zenoh.yaml").write_text("wire: {zenoh: {transport/lnk: 1}}\n")
     (tmp_path / "left.mcap.part").write_bytes(b"what a recorder that was killed has left")
     out = tmp_path / "good"
     out.mkdir()

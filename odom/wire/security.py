@@ -49,6 +49,11 @@ class SecuritySettings(BaseModel, frozen=True, extra="forbid"):
         """Whether links are encrypted and both sides show certificates."""
         return self.certificate is not None
 
+    @property
+    def certificates(self) -> tuple[Path, ...]:
+        """The files of this process's certificate and the authority's, as far as they are given."""
+        return tuple(file for file in (self.certificate, self.ca) if file is not None)
+
 
 def secured(endpoints: Iterable[str], settings: SecuritySettings) -> list[str]:
     """Return the endpoints, with `tls/` in place of `tcp/` when TLS is on, so that nothing goes unencrypted."""

@@ -59,8 +59,10 @@ def robustness(
         f"CPU {found.cpu_s / 60:.1f} min"
     )
     if out is not None:
+        from odom.errors import writing
         from odom.evaluation.robustness.figure import plot
 
-        (out / "robustness.json").write_text(json.dumps(as_json(found), indent=1) + "\n")
-        (out / "table.md").write_text(f"{short_markdown(found)}\n{markdown(found)}")
-        plot(found, out / "robustness.png")
+        with writing(out):
+            (out / "robustness.json").write_text(json.dumps(as_json(found), indent=1) + "\n")
+            (out / "table.md").write_text(f"{short_markdown(found)}\n{markdown(found)}")
+            plot(found, out / "robustness.png")

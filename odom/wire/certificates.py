@@ -131,7 +131,9 @@ def _certificate(file: Path) -> x509.Certificate:
     try:
         return x509.load_pem_x509_certificate(file.read_bytes())
     except ValueError as error:
-        raise ConfigError(f"{file} is damaged: copy it from where it is whole, or give an empty folder") from error
+        raise ConfigError(
+            f"{file} is damaged: copy it from where it is whole, or let `odom keys` make others in an empty folder"
+        ) from error
 
 
 def _authority(folder: Path, days: int, written: list[Path]) -> tuple[x509.Certificate, ec.EllipticCurvePrivateKey]:

@@ -1,5 +1,9 @@
 """The one family of errors: each says what is wrong and what to do about it."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
 
 class OdomError(Exception):
     """Root of every error this project raises on purpose; the command line prints it and exits with 1."""
@@ -31,3 +35,14 @@ class DeviceError(SourceError):
 
 class MapError(OdomError):
     """A map file is damaged, made by a newer version, of another camera, or in use."""
+
+
+@contextmanager
+def writing(path: Path) -> Iterator[None]:
+    """Raise OdomError naming the file or folder `path` for an OSError of what is written to it meanwhile."""
+    try:
+        yield
+    except OSError as error:
+        raise OdomError(
+            f"{path} cannot be written: {error.strerror or error}; make room, or choose another place"
+        ) from error

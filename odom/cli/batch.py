@@ -12,7 +12,7 @@ from odom.cli.outputs import check_place
 
 def batch(
     recordings: Annotated[list[Path], typer.Argument(help="Recordings, or folders that hold some.")],
-    out: Annotated[Path, typer.Option(help="Folder of results/ and of summary.csv, .json and .html.")],
+    out: Annotated[Path, options.out_folder("Folder of results/ and of summary.csv, .json and .html.")],
     jobs: Annotated[
         int | None, typer.Option(min=1, help="Recordings at a time on this machine; default half of the cores.")
     ] = None,

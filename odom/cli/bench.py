@@ -75,7 +75,8 @@ def registration(
     if plot is not None:
         from odom.evaluation.paper.figure import plot as draw
 
-        draw(table, in_its_folder(plot))
+        with in_its_folder(plot):
+            draw(table, plot)
 
 
 @bench.command("sensitivity")
@@ -144,7 +145,8 @@ def sensitivity(
     if json_file is not None:
         write_json(json_file, as_json(found), indent=1)
     if markdown_file is not None:
-        in_its_folder(markdown_file).write_text(markdown(found))
+        with in_its_folder(markdown_file):
+            markdown_file.write_text(markdown(found))
 
 
 def _print_rows(console: "Console", table: "list[Row]") -> None:

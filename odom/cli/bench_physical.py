@@ -68,7 +68,8 @@ def _draw(found: "Experiment", folder: Path, path: Path) -> None:
     scene = cv2.imread(str(folder / f"scene-{last}.png"))
     picture = None if scene is None else np.asarray(cv2.cvtColor(scene, cv2.COLOR_BGR2RGB), dtype=np.uint8)
     walks = {name: np.array(part.walk_m).reshape(-1, 3) for name, part in found.parts.items()}
-    plot(found.rows, found.parts[last].ellipsoids, picture, walks, in_its_folder(path))
+    with in_its_folder(path):
+        plot(found.rows, found.parts[last].ellipsoids, picture, walks, path)
 
 
 def _print(console: "Console", found: "Experiment") -> None:

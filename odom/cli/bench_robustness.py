@@ -6,13 +6,13 @@ from typing import Annotated
 import typer
 
 from odom.cli import signals
-from odom.cli.options import Calibration, Config, End
+from odom.cli.options import Calibration, Config, End, out_folder
 
 
 def robustness(
     source: Annotated[str, typer.Argument(help="A recording or folder of images with truth.")],
     axis: Annotated[list[str] | None, typer.Option(help="Only this axis; may be given again.")] = None,
-    out: Annotated[Path | None, typer.Option(help="Write table.md, robustness.json and .png here.")] = None,
+    out: Annotated[Path | None, out_folder("Write table.md, robustness.json and .png here.")] = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of all chance.")] = 1,
     end: End = None,
     camera: Calibration = None,
@@ -59,8 +59,10 @@ def robustness(
         f"CPU {found.cpu_s / 60:.1f} min"
     )
     if out is not None:
+        from odom.errors import writing
         from odom.evaluation.robustness.figure import plot
 
-        (out / "robustness.json").write_text(json.dumps(as_json(found), indent=1) + "\n")
-        (out / "table.md").write_text(f"{short_markdown(found)}\n{markdown(found)}")
-        plot(found, out / "robustness.png")
+        with writing(out):
+            (out / "robustness.json").write_text(json.dumps(as_json(found), indent=1) + "\n")
+            (out / "table.md").write_text(f"{short_markdown(found)}\n{markdown(found)}")
+            plot(found, out / "robustness.png")

@@ -118,7 +118,8 @@ def evaluate(
     for note in notes:
         print(f"note: {note}")
     if plot:
-        draw(in_its_folder(plot), report, title=estimate.name, remarks=remarks(calibration))
+        with in_its_folder(plot):
+            draw(plot, report, title=estimate.name, remarks=remarks(calibration))
     if json_file:
         write_json(json_file, {**fields, "notes": notes}, indent=2)
 

@@ -22,7 +22,7 @@ _TRAJECTORIES = ("kitti", "euroc", "tum")
 def export(
     sources: Annotated[list[Path], typer.Argument(help="Recordings; for tum, kitti and euroc folders of runs, too.")],
     to: Annotated[Format, typer.Option(help="What to write.")],
-    out: Annotated[Path, typer.Option(help="Folder to write, new or empty; of several sources one below it each.")],
+    out: Annotated[Path, options.out_folder("Folder to write, new or empty; of several sources one below it each.")],
     neighbours: Annotated[
         int, typer.Option(min=0, help="Frames on each side of a key frame of which the sharpest is taken.")
     ] = 2,
@@ -63,7 +63,7 @@ def export(
             raise ConfigError(f"{source} holds poses alone: give the recording that they are of for --to {to}")
     if to == "mesh":
         open3d()
-    names = [source.resolve().stem for source in sources]
+    names = [place.name if place.is_dir() else place.stem for place in map(Path.resolve, sources)]
     if len(set(names)) < len(names):
         raise ConfigError(f"two sources have one name: {', '.join(names)}; export them one by one")
     folders = [out / name if len(names) > 1 else out for name in names]

@@ -27,7 +27,7 @@ def keys(
 
     Each host gets ca.pem and the .pem and .key of what runs there; ca.key stays where it is. Files are named
     for the identities: sensor.cam0.pem, and sensor.lab-cam0.pem for sensor.lab/cam0. Those that are there stay as they
-    are; exit status 1 when one of them is for other hosts or days than these.
+    are; exit status 1 when one of them expires in the next 30 days, lacks its key, or is for other hosts or days.
 
     Example: odom keys rig-keys --host rig.local --host 192.168.1.10 router sensor.cam0 odometry.cam0 viewer
     """
@@ -40,6 +40,9 @@ def keys(
         typer.echo(str(file))
     if old := outdated(folder, identities, host, days):
         names = ", ".join(f"{file.name} and {file.stem}.key" for file in old)
-        raise OdomError(f"{folder} holds certificates for other hosts or days: delete {names} to renew them")
+        raise OdomError(
+            f"{folder} holds certificates that expire, lack their key, or are for other hosts or days: "
+            f"delete {names} to renew them"
+        )
     if not written:
         typer.echo(f"{folder} already holds these certificates; nothing was changed")

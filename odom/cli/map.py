@@ -6,6 +6,7 @@ from typing import Annotated
 
 import typer
 
+from odom.cli.options import out_folder
 from odom.cli.outputs import check_place
 from odom.errors import ConfigError, OdomError
 
@@ -56,9 +57,7 @@ def check(
 
 
 @map_.command("export")
-def export(
-    file: MapName, out: Annotated[Path, typer.Option(help="Folder for the files; made where there is none.")]
-) -> None:
+def export(file: MapName, out: Annotated[Path, out_folder("Folder for the files; made where there is none.")]) -> None:
     """Write each session's key frames as a trajectory (session-N.txt, TUM), and the landmarks (landmarks.ply).
 
     Poses are in the map's coordinates, so that sessions can be compared; parts of a map that were never joined have

@@ -52,5 +52,6 @@ def mask(
     if not found.mask.any():
         typer.echo(f"{source}: nothing stays the same wherever the camera goes; no mask is needed, none is written")
         raise typer.Exit(1)
-    write_mask(in_its_folder(out), found.mask)
+    with in_its_folder(out):
+        write_mask(out, found.mask)
     typer.echo(f"{out}: {found.share:.0%} of the image stays the same in {found.looks} looks; give --mask {out}")

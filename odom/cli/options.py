@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
@@ -35,7 +35,7 @@ Start = Annotated[float, typer.Option(min=0, help="Seconds of a recording to ski
 End = Annotated[float | None, typer.Option(min=0, help="Seconds from a recording's beginning to stop at.")]
 Seconds = Annotated[
     float | None,
-    typer.Option(min=0, help="End after so many seconds (arena, live cameras, ROS 2, motion capture)."),
+    typer.Option(min=0.001, help="End after so many seconds (arena, live cameras, ROS 2, motion capture)."),
 ]
 OwnTopics = Annotated[
     list[str] | None, typer.Option(help="A recording's own topic: color=, depth=, camera_info= or truth=/name.")
@@ -60,6 +60,17 @@ Localize = Annotated[
     bool, typer.Option("--localize", help="Only find the camera in the map of --map; nothing is written to it.")
 ]
 Rate = Annotated[float, typer.Option(min=0.001, help="Speed of --realtime.")]
+
+
+def out_folder(meaning: str) -> Any:
+    """Return the option `--out` for a folder, which refuses an empty text: `Path("")` is the present folder."""
+    return typer.Option("--out", help=meaning, parser=_named, metavar="PATH")
+
+
+def _named(text: str) -> Path:
+    if not text:
+        raise typer.BadParameter("is empty: give a folder, '.' for this one")
+    return Path(text)
 
 
 def wire_settings(

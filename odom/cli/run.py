@@ -21,7 +21,7 @@ def run(
     source: options.SourceName = "arena",
     out: Annotated[
         Path | None,
-        typer.Option(help="Folder of the run's files; without it one below out/ named for source and time."),
+        options.out_folder("Folder of the run's files; without it one below out/ named for source and time."),
     ] = None,
     headless: Annotated[bool, typer.Option("--headless", help="Show nothing.")] = False,
     web: Annotated[bool, typer.Option("--web", help="Show the run in a browser instead of a window.")] = False,
@@ -66,6 +66,7 @@ def run(
     from odom.service.run_processes import RunPlan
     from odom.service.settings import load_settings
     from odom.service.settings_sources import CONFIG_ENVIRONMENT
+    from odom.wire.session import zenoh_config
     from odom.wire.topics import Topics
     from sensors.catalogue import check_images, open_source
     from sensors.source import SourceOptions
@@ -89,6 +90,7 @@ def run(
     if headless and web:
         raise ConfigError("--headless and --web contradict each other: give one of them")
     Topics(settings.wire.namespace)
+    zenoh_config(settings.wire.model_copy(update={"connect": (), "listen": ()}))  # a run meets at its own endpoint
     _check_sensor(source, sensor)
     check_images(source)
     options.check_map(map_, localize)

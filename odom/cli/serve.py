@@ -17,13 +17,14 @@ from odom.cli.options import (
     Namespace,
     Ros2,
     check_map,
+    out_folder,
     wire_settings,
     with_mask,
 )
 
 
 def serve(
-    out: Annotated[Path | None, typer.Option(help="Folder for odometry.txt, trajectory.txt and report.json.")] = None,
+    out: Annotated[Path | None, out_folder("Folder for odometry.txt, trajectory.txt and report.json.")] = None,
     until_end: Annotated[bool, typer.Option("--until-end", help="End when the source ends.")] = False,
     chain: Annotated[
         bool, typer.Option("--chain", hidden=True, help="Not needed: chain.txt is always written.")
@@ -52,11 +53,13 @@ def serve(
     from odom.service.result_files import RunFiles
     from odom.service.run_folder import held
     from odom.service.settings import load_settings
+    from odom.wire.session import zenoh_config
 
     check_map(map_, localize)
     settings = with_mask(load_settings(config), mask)
     wire = wire_settings(config, connect, listen, mode, namespace, ros2)
     settings = settings.model_copy(update={"wire": wire})
+    zenoh_config(wire)
     with ExitStack() as stack:
         files = None
         if out is not None:

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from odom.errors import OdomError
+from odom.errors import OdomError, writing
 from odom.evaluation.files import write_tum
 from odom.evaluation.trajectory import Trajectory
 from odom.export import colmap, mesh, nerfstudio, poses
@@ -44,14 +44,22 @@ class ExportOptions:
 
 
 def write_trajectory(folder: Path, form: str, trajectory: Trajectory) -> None:
-    """Write a trajectory in the form `tum`, `kitti` or `euroc`; raises OSError when the folder cannot be written."""
+    """Write a trajectory in the form `tum`, `kitti` or `euroc`; raises OdomError for a file that cannot be written."""
     if form == "tum":
-        write_tum(folder / "trajectory.txt", trajectory)
+        with writing(folder / "trajectory.txt"):
+            write_tum(folder / "trajectory.txt", trajectory)
     elif form == "kitti":
         for name, text in zip(("poses.txt", "times.txt"), poses.kitti(trajectory), strict=True):
-            (folder / name).write_text(text)
+            _write(folder / name, text)
     else:
-        (folder / "data.csv").write_text(poses.euroc(trajectory))
+        _write(folder / "data.csv", poses.euroc(trajectory))
+
+
+def _write(path: Path, content: str | bytes) -> None:
+    """Write a file, with the folders above it."""
+    with writing(path):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(content.encode() if isinstance(content, str) else content)
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,7 +67,7 @@ class Exporter:
     """Writes what was surveyed of a `recording` into a `folder`; one method a format.
 
     `done` is told how many key frames are done, `say` how large a mesh will be. `is_stopped` is asked between two key
-    frames: once it says so, those before make the result.
+    frames: once it says so, those before make the result. A file that cannot be written raises OdomError.
     """
 
     folder: Path
@@ -72,18 +80,15 @@ class Exporter:
 
     def write_g2o(self) -> None:
         """Write the pose graph of the key frames to graph.g2o."""
-        (self.folder / "graph.g2o").write_text(poses.g2o(self.survey.scene))
+        _write(self.folder / "graph.g2o", poses.g2o(self.survey.scene))
 
     def write_colmap(self) -> None:
         """Write images/, depth/, the model in sparse/0 (binary) and sparse/text, and covariances.json."""
         model = self._model(self._sightings())
-        binary, text = self.folder / "sparse" / "0", self.folder / "sparse" / "text"
-        for place in (binary, text):
-            place.mkdir(parents=True)
         for name, content in colmap.binary_files(model).items():
-            (binary / name).write_bytes(content)
+            _write(self.folder / "sparse" / "0" / name, content)
         for name, words in colmap.text_files(model).items():
-            (text / name).write_text(words)
+            _write(self.folder / "sparse" / "text" / name, words)
 
     def write_nerfstudio(self) -> None:
         """Write images/, depth/, transforms.json, points.ply (the landmarks, with colours) and covariances.json."""
@@ -92,7 +97,7 @@ class Exporter:
         self._write_points(model.points, model.colors)
         images = [(Path(one.name).stem, one.T_map_camera) for one in sightings]
         content = nerfstudio.transforms(self._pinhole, images)
-        (self.folder / "transforms.json").write_text(json.dumps(content, indent=1) + "\n")
+        _write(self.folder / "transforms.json", json.dumps(content, indent=1) + "\n")
 
     def write_ply(self) -> None:
         """Write the points of all key frames, fused, to points.ply."""
@@ -115,8 +120,8 @@ class Exporter:
         self.say(f"{volume.blocks} blocks of voxels, some {volume.memory_mb:.0f} MB")
         mesh.check_memory(volume, self.options.memory_mb)
         made = volume.mesh(self._shots(), self.done)
-        (self.folder / "mesh.ply").write_bytes(mesh_ply(made))
-        (self.folder / "mesh.glb").write_bytes(glb(made))
+        _write(self.folder / "mesh.ply", mesh_ply(made))
+        _write(self.folder / "mesh.glb", glb(made))
 
     @cached_property
     def _pinhole(self) -> Camera:
@@ -132,7 +137,7 @@ class Exporter:
 
     def _write_points(self, points: Array, colors: NDArray[np.uint8]) -> None:
         cloud = TriangleMesh(points, colors, np.zeros((0, 3), dtype=np.uint32))
-        (self.folder / "points.ply").write_bytes(mesh_ply(cloud))
+        _write(self.folder / "points.ply", mesh_ply(cloud))
 
     def _shots(self) -> Iterator[mesh.Shot]:
         """Yield each key frame as its depth image saw it."""
@@ -148,18 +153,16 @@ class Exporter:
 
     def _written(self, seen: Iterable[View]) -> Iterator[View]:
         """Write the views' images, depths and covariances, and hand them on."""
-        for name in ("images", "depth"):
-            (self.folder / name).mkdir()
         covariances = {}
         for number, view in enumerate(seen, 1):
             jpeg = [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY]
             bgr = cv2.cvtColor(view.color, cv2.COLOR_RGB2BGR)
             for path, image in ((f"images/{view.name}.jpg", bgr), (f"depth/{view.name}.png", view.depth_mm)):
                 _, file = cv2.imencode(path[-4:], image, jpeg if path.endswith("jpg") else [])
-                (self.folder / path).write_bytes(file.tobytes())
+                _write(self.folder / path, file.tobytes())
             covariances[view.name] = view.covariance.tolist()
             self.done(number)
             yield view
         about = "6 x 6 of (translation m, rotation rad) in T_map_camera = T @ exp(xi), since the map's first key frame"
         content = {"about": about, "covariances": covariances}
-        (self.folder / "covariances.json").write_text(json.dumps(content) + "\n")
+        _write(self.folder / "covariances.json", json.dumps(content) + "\n")

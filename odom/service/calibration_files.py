@@ -9,6 +9,7 @@ import numpy as np
 from odom.calibration.description import numbers, quality, registration
 from odom.calibration.parameters import SCALE_NUMBER
 from odom.calibration.residual_picture import draw
+from odom.errors import writing
 from odom.frame import DepthModel
 from odom.service.calibration_run import DIFFERENT_LENS, Outcome
 from sensors.calibration_file import Calibration, calibration_text
@@ -65,13 +66,17 @@ def write_calibration(
     """Write calibration, report and picture to three files; the picture needs a judgement.
 
     The calibration keeps the unit of the depth images that it was found in, and how they were `registered` in software.
+    Raises OdomError for a file that cannot be written.
     """
     yaml_file, report, picture = files
-    yaml_file.parent.mkdir(parents=True, exist_ok=True)
     text = list(text)
     content = calibration_text(Calibration(outcome.result.camera, depth_scale), text)
     content += "" if registered is None else registration_text(registered)
-    yaml_file.write_text(content, encoding="utf-8")
-    report.write_text("\n".join(text) + "\n", encoding="utf-8")
+    with writing(yaml_file):
+        yaml_file.parent.mkdir(parents=True, exist_ok=True)
+        yaml_file.write_text(content, encoding="utf-8")
+    with writing(report):
+        report.write_text("\n".join(text) + "\n", encoding="utf-8")
     if outcome.judgement is not None:
-        draw(picture, outcome.survey, outcome.judgement, text[0])
+        with writing(picture):
+            draw(picture, outcome.survey, outcome.judgement, text[0])

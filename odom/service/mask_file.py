@@ -17,14 +17,15 @@ _SAME_FORM = 0.01
 
 
 def write_mask(path: Path, mask: Mask) -> None:
-    """Write a mask (H x W) as an image, white where it marks; raises ConfigError for a name without a known format."""
+    """Write a mask (H x W) as an image, white where it marks.
+
+    Raises ConfigError for a name without a known format, OSError when the file cannot be written.
+    """
     try:
         _, file = cv2.imencode(path.suffix, np.where(mask, 255, 0).astype(np.uint8))
-        path.write_bytes(file.tobytes())
     except cv2.error:
         raise ConfigError(f"{path}: give the name of a .png file") from None
-    except OSError as error:
-        raise ConfigError(f"{path} cannot be written: {error.strerror}") from error
+    path.write_bytes(file.tobytes())
 
 
 def read_mask(path: Path) -> Mask:

@@ -8,6 +8,7 @@ from odom.backend import OdometrySettings
 from odom.service.settings_sources import Sourced, load, read_file
 from odom.viewer import ViewerSettings
 from odom.wire import WireSettings
+from odom.wire.optional_file import OptionalFile
 
 
 class ServiceSettings(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
@@ -21,7 +22,7 @@ class ServiceSettings(BaseModel, frozen=True, extra="forbid", allow_inf_nan=Fals
     keyframe_points: int = Field(
         3000, ge=100, le=300_000, description="points of the coloured cloud of a key frame for the viewer"
     )
-    mask: Path | None = Field(
+    mask: OptionalFile = Field(
         None, description="image, white where the camera sees what carries it instead of the scene (see odom mask)"
     )
     live_frames: int = Field(

@@ -2,7 +2,7 @@
 
 import json
 import os
-from collections.abc import Mapping
+from collections.abc import Hashable, Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -20,6 +20,22 @@ PREFIX, NESTED = "ODOM_", "__"
 """How the environment variable of a setting begins, and what separates its parts."""
 CONFIG_ENVIRONMENT = "ODOM_CONFIG"
 """Environment variable with the YAML file, if the command line names none."""
+
+
+class _Loader(yaml.SafeLoader):
+    """YAML whose names stand once each: of two sections of a name the first would be lost in silence."""
+
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Hashable, Any]:
+        """Return the mapping; raises ConfigError for a name that stands twice in it."""
+        seen = set()
+        for name, _ in node.value:
+            if not isinstance(name, yaml.ScalarNode) or name.tag != self.DEFAULT_SCALAR_TAG:
+                continue
+            if name.value in seen:
+                at = name.start_mark
+                raise ConfigError(f"{at.name}, line {at.line + 1}: {name.value!r:.60} stands twice; join the two")
+            seen.add(name.value)
+        return super().construct_mapping(node, deep)
 
 
 class _Environment(EnvSettingsSource):
@@ -54,14 +70,15 @@ class Sourced(BaseSettings):
 def read_file(config: Path | None) -> dict[str, Any]:
     """Return the sections of the YAML file `config` or `$ODOM_CONFIG`, none without either; empty ones are left out.
 
-    Raises ConfigError when it cannot be read or is no mapping.
+    Raises ConfigError when it cannot be read, is no mapping, or says something twice.
     """
     named = os.environ.get(CONFIG_ENVIRONMENT)
     path = config or (Path(named) if named else None)
     if path is None:
         return {}
     try:
-        content = yaml.safe_load(path.read_text())
+        with path.open() as file:
+            content = yaml.load(file, _Loader)
     except (OSError, ValueError, yaml.YAMLError) as error:
         raise ConfigError(f"{path} cannot be read as YAML: {' '.join(str(error).split())}") from error
     except RecursionError as error:

@@ -4,7 +4,7 @@ import datetime
 import ipaddress
 import os
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from cryptography import x509
@@ -12,7 +12,7 @@ from cryptography.hazmat.primitives import hashes, serialization
 from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
-from odom.errors import ConfigError
+from odom.errors import ConfigError, writing
 from odom.wire.security import grants
 
 _AUTHORITY = "odom authority"
@@ -22,16 +22,21 @@ _AUTHORITY_LASTS = 10
 """Times that the authority's own certificate is valid for longer than those it signs, so that it can renew them."""
 _CLOCKS_DIFFER = datetime.timedelta(hours=1)
 """How far a host's clock may be behind without refusing a new certificate. Longer does no harm within a rig."""
+_DUE = datetime.timedelta(days=30)
+"""How long before its end a certificate is to be renewed. Longer: more renewals; shorter: less time for all hosts."""
+_DUE_SHARE = 0.1
+"""The same as a share of the time that it is valid for, where that is less: one of a day is not due at once."""
 
 
 def make_keys(folder: Path, identities: Iterable[str], hosts: Iterable[str], days: int) -> tuple[Path, ...]:
     """Write `ca.pem` and, for each identity, `IDENTITY.pem` and `IDENTITY.key` into `folder`; return what was written.
 
     In file names the slashes of a namespace become dashes. `hosts` are the names and addresses under which listening
-    processes are reached. An existing authority signs the new identities; existing certificates stay as they are. Only
-    their owner may read private keys.
+    processes are reached. An existing authority signs the new identities; existing certificates stay as they are, and a
+    private key without one gets one. Only their owner may read private keys. No file is ever half written.
     Raises ConfigError, before anything is written, for an identity without a known role, a host that has no such name,
-    a folder that cannot be made, or an authority that is damaged or whose private key is missing.
+    a folder that cannot be made, or an authority that is damaged, has expired or lacks its private key; OdomError for
+    a file that cannot be written.
     """
     identities = tuple(identities)
     for identity in identities:
@@ -45,9 +50,9 @@ def make_keys(folder: Path, identities: Iterable[str], hosts: Iterable[str], day
     authority, authority_key = _authority(folder, days, written)
     for identity in identities:
         file = _file_of(folder, identity)
-        if file.exists():
+        if _is_there(file):
             continue
-        key = ec.generate_private_key(ec.SECP256R1())
+        key = _key_in(file.with_suffix(".key"), written)
         certificate = (
             _builder(identity, authority.subject, key.public_key(), days)
             .add_extension(x509.BasicConstraints(ca=False, path_length=None), critical=True)
@@ -61,18 +66,55 @@ def make_keys(folder: Path, identities: Iterable[str], hosts: Iterable[str], day
             )
             .sign(authority_key, hashes.SHA256())
         )
-        written += [_write_key(file.with_name(f"{file.stem}.key"), key), _write(file, certificate)]
+        written.append(_write(file, certificate.public_bytes(serialization.Encoding.PEM)))
     return tuple(written)
 
 
 def outdated(folder: Path, identities: Iterable[str], hosts: Iterable[str], days: int | None) -> list[Path]:
-    """Return the certificates that are not for all `hosts`, or were made for another number of `days` (None: any)."""
-    wanted = {_alternative(host) for host in hosts}
+    """Return the certificates that are to be renewed.
+
+    They have expired or soon will, lack their private key, are not for all `hosts`, or were made for another number of
+    `days` (None: any).
+    """
+    wanted, now = {_alternative(host) for host in hosts}, datetime.datetime.now(datetime.UTC)
+    found = {file: _certificate(file) for file in (_file_of(folder, identity) for identity in identities)}
     return [
         file
-        for file in (_file_of(folder, identity) for identity in identities)
-        if not _is_for(_certificate(file), wanted, days)
+        for file, certificate in found.items()
+        if is_due(certificate, now) or not _is_there(file.with_suffix(".key")) or not _is_for(certificate, wanted, days)
     ]
+
+
+def validity(certificate: x509.Certificate, now: datetime.datetime) -> str | None:
+    """Return why a certificate is not valid at the time `now` (with its zone), and what to do; None where it is."""
+    if now < certificate.not_valid_before_utc:
+        begins = f"{certificate.not_valid_before_utc:%Y-%m-%d %H:%M} UTC"
+        return f"is not valid before {begins}; is this computer's clock right?"
+    if now > certificate.not_valid_after_utc:
+        return f"has expired on {certificate.not_valid_after_utc:%Y-%m-%d}; `odom keys` renews it"
+    return None
+
+
+def is_due(certificate: x509.Certificate, now: datetime.datetime) -> bool:
+    """Whether a certificate has expired by the time `now` (with its zone), or will so soon that it is to be renewed."""
+    lasts = certificate.not_valid_after_utc - certificate.not_valid_before_utc
+    return certificate.not_valid_after_utc - now < min(_DUE, _DUE_SHARE * lasts)
+
+
+def check_validity(files: Iterable[Path]) -> None:
+    """Raise ConfigError for a file whose first certificate is damaged or not valid now."""
+    now = datetime.datetime.now(datetime.UTC)
+    for file in files:
+        if fault := validity(_certificate(file), now):
+            raise ConfigError(f"{file} {fault}")
+
+
+def due(files: Iterable[Path]) -> Iterator[str]:
+    """Yield a warning for each file whose first certificate is to be renewed."""
+    now = datetime.datetime.now(datetime.UTC)
+    for file in files:
+        if is_due(certificate := _certificate(file), now):
+            yield f"{file} expires on {certificate.not_valid_after_utc:%Y-%m-%d}; `odom keys` renews it"
 
 
 def _is_for(certificate: x509.Certificate, hosts: set[x509.GeneralName], days: int | None) -> bool:
@@ -89,7 +131,9 @@ def _certificate(file: Path) -> x509.Certificate:
     try:
         return x509.load_pem_x509_certificate(file.read_bytes())
     except ValueError as error:
-        raise ConfigError(f"{file} is damaged: copy it from where it is whole, or give an empty folder") from error
+        raise ConfigError(
+            f"{file} is damaged: copy it from where it is whole, or let `odom keys` make others in an empty folder"
+        ) from error
 
 
 def _authority(folder: Path, days: int, written: list[Path]) -> tuple[x509.Certificate, ec.EllipticCurvePrivateKey]:
@@ -97,24 +141,43 @@ def _authority(folder: Path, days: int, written: list[Path]) -> tuple[x509.Certi
     if file.exists():
         if not key_file.exists():
             raise ConfigError(f"{key_file} is missing: run this where the authority was made, or give an empty folder")
-        try:
-            key = serialization.load_pem_private_key(key_file.read_bytes(), None)
-        except (ValueError, TypeError) as error:
-            raise ConfigError(
-                f"{key_file} is damaged: copy it from where it is whole, or give an empty folder"
-            ) from error
-        if not isinstance(key, ec.EllipticCurvePrivateKey):
-            raise ConfigError(f"{key_file} was not made by this command")
-        return _certificate(file), key
-    key = ec.generate_private_key(ec.SECP256R1())
+        certificate = _certificate(file)
+        if is_due(certificate, now := datetime.datetime.now(datetime.UTC)):
+            ends = f"{certificate.not_valid_after_utc:%Y-%m-%d}"
+            raise ConfigError(f"{file} expires on {ends}: delete it to renew it, and give each host the new one")
+        if fault := validity(certificate, now):
+            raise ConfigError(f"{file} {fault}")
+        return certificate, _private_key(key_file)
+    key = _key_in(key_file, written)
     certificate = (
         _builder(_AUTHORITY, _name(_AUTHORITY), key.public_key(), _AUTHORITY_LASTS * days)
         .add_extension(x509.BasicConstraints(ca=True, path_length=0), critical=True)
         .add_extension(x509.SubjectKeyIdentifier.from_public_key(key.public_key()), critical=False)
         .sign(key, hashes.SHA256())
     )
-    written += [_write_key(key_file, key), _write(file, certificate)]
+    written.append(_write(file, certificate.public_bytes(serialization.Encoding.PEM)))
     return certificate, key
+
+
+def _private_key(file: Path) -> ec.EllipticCurvePrivateKey:
+    try:
+        key = serialization.load_pem_private_key(file.read_bytes(), None)
+    except (ValueError, TypeError) as error:
+        raise ConfigError(f"{file} is damaged: copy it from where it is whole, or give an empty folder") from error
+    if not isinstance(key, ec.EllipticCurvePrivateKey):
+        raise ConfigError(f"{file} was not made by this command")
+    return key
+
+
+def _key_in(file: Path, written: list[Path]) -> ec.EllipticCurvePrivateKey:
+    """Return the private key in a file, a new one where there is none."""
+    if _is_there(file):
+        return _private_key(file)
+    key = ec.generate_private_key(ec.SECP256R1())
+    form = serialization.PrivateFormat.PKCS8
+    content = key.private_bytes(serialization.Encoding.PEM, form, serialization.NoEncryption())
+    written.append(_write(file, content, 0o600))
+    return key
 
 
 def _builder(name: str, issuer: x509.Name, public: ec.EllipticCurvePublicKey, days: int) -> x509.CertificateBuilder:
@@ -146,15 +209,19 @@ def _alternative(host: str) -> x509.GeneralName:
         return x509.DNSName(host)
 
 
-def _write(file: Path, certificate: x509.Certificate) -> Path:
-    file.write_bytes(certificate.public_bytes(serialization.Encoding.PEM))
-    return file
+def _is_there(file: Path) -> bool:
+    return file.exists() and file.stat().st_size > 0
 
 
-def _write_key(file: Path, key: ec.EllipticCurvePrivateKey) -> Path:
-    content = key.private_bytes(
-        serialization.Encoding.PEM, serialization.PrivateFormat.PKCS8, serialization.NoEncryption()
-    )
-    with os.fdopen(os.open(file, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "wb") as opened:
-        opened.write(content)
+def _write(file: Path, content: bytes, mode: int = 0o666) -> Path:
+    """Write a file, which is whole or as it was."""
+    part = file.with_name(f"{file.name}.part")
+    with writing(file):
+        part.unlink(missing_ok=True)
+        try:
+            with os.fdopen(os.open(part, os.O_WRONLY | os.O_CREAT | os.O_EXCL, mode), "wb") as opened:
+                opened.write(content)
+            part.replace(file)
+        finally:
+            part.unlink(missing_ok=True)
     return file

@@ -12,6 +12,7 @@ from typing import Any
 from pydantic import BaseModel, Field
 
 from odom.errors import ConfigError
+from odom.wire.optional_file import OptionalFile
 from odom.wire.text_list import TextList
 from odom.wire.topics import TF, TRUTH_HISTORY
 
@@ -30,14 +31,14 @@ Grants = tuple[tuple[tuple[str, ...], tuple[str, ...]], ...]
 class SecuritySettings(BaseModel, frozen=True, extra="forbid"):
     """Certificates and identities, given as files so that no secret is in a command line, a log or a report."""
 
-    certificate: Path | None = Field(
+    certificate: OptionalFile = Field(
         None, description="this process's certificate (PEM); switches TLS on, both sides checked"
     )
-    key: Path | None = Field(None, description="private key of the certificate (PEM)")
-    ca: Path | None = Field(None, description="certificate of the authority that signed everybody's (PEM)")
+    key: OptionalFile = Field(None, description="private key of the certificate (PEM)")
+    ca: OptionalFile = Field(None, description="certificate of the authority that signed everybody's (PEM)")
     user: str = Field("", description="user name to present")
-    password_file: Path | None = Field(None, description="file that holds the user's password in its first line")
-    users_file: Path | None = Field(None, description="a listening process: who may come in, lines of user:password")
+    password_file: OptionalFile = Field(None, description="file that holds the user's password in its first line")
+    users_file: OptionalFile = Field(None, description="a listening process: who may come in, lines of user:password")
     access: TextList = Field(
         (),
         description="a listening process: who has rights, such as sensor.cam0, odometry.cam0, viewer; empty: no rules",
@@ -47,6 +48,11 @@ class SecuritySettings(BaseModel, frozen=True, extra="forbid"):
     def tls(self) -> bool:
         """Whether links are encrypted and both sides show certificates."""
         return self.certificate is not None
+
+    @property
+    def certificates(self) -> tuple[Path, ...]:
+        """The files of this process's certificate and the authority's, as far as they are given."""
+        return tuple(file for file in (self.certificate, self.ca) if file is not None)
 
 
 def secured(endpoints: Iterable[str], settings: SecuritySettings) -> list[str]:

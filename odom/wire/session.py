@@ -1,6 +1,7 @@
 """A Zenoh session with safe settings: no shared memory, no multicast scouting, bounded queues, counted messages."""
 
 import json
+import logging
 import re
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import AbstractContextManager, ExitStack, contextmanager
@@ -12,16 +13,21 @@ import zenoh
 from odom.errors import ConfigError, WireError
 from odom.wire.delivery import Delivery
 from odom.wire.publisher import Mirror, Publisher
-from odom.wire.security import secured, security_configuration
+from odom.wire.security import SecuritySettings, secured, security_configuration
 from odom.wire.settings import WireSettings
 from odom.wire.subscriber import ReceptionCounters, Subscriber
 
+_LOG = logging.getLogger(__name__)
+
 _ADVICE = {
     "listener": "; end what listens there, or give another --listen",
-    "Unable to connect": "; is `odom router --listen` up at that address and port, and does a firewall let it through?",
+    "Unable to connect": "; is `odom router --listen` up at that address and port, and does a firewall let it through?"
+    " With --tls, the router's log says why it refuses a client.",
 }
 """What to do about Zenoh's reasons, by words that they hold."""
 _SOURCE_LINE = re.compile(r" at \S+\.rs:\d+")
+_QUOTED = re.compile(r'"(.*)"')
+"""The words for people in what Zenoh raises for a setting."""
 _IP_ENDPOINT = re.compile(r"(tcp|tls|udp|quic|ws)/(\[[^\]]+\]|[^:/\[\]]+):(\d+)([?#].*)?\Z")
 """HOST:PORT, and behind it what Zenoh may be told about the link."""
 _OTHER_ENDPOINT = re.compile(r"(?!(tcp|tls|udp|quic|ws)/)[a-z0-9_-]+/.+\Z")
@@ -105,14 +111,11 @@ class WireSession:
 def open_session(settings: WireSettings) -> Iterator[WireSession]:
     """Open a session and close it at the end.
 
-    Raises ConfigError for what is no endpoint, WireError when the configuration is not accepted or no endpoint can be
-    used.
+    Raises ConfigError for what is no endpoint or no setting of Zenoh, WireError when no endpoint can be used.
     """
-    _check_endpoints((*settings.connect, *settings.listen))
-    config = zenoh.Config()
+    config = zenoh_config(settings)
+    _warn_of_expiry(settings.security)
     try:
-        for path, value in {**_configuration(settings), **settings.zenoh}.items():
-            config.insert_json5(path, json.dumps(value))
         opened = zenoh.open(config)
     except zenoh.ZError as error:
         where = ", ".join((*(settings.listen if settings.mode != "client" else ()), *settings.connect))
@@ -124,6 +127,35 @@ def open_session(settings: WireSettings) -> Iterator[WireSession]:
         yield session
     finally:
         session.close()
+
+
+def zenoh_config(settings: WireSettings) -> zenoh.Config:
+    """Return what Zenoh is told.
+
+    Raises ConfigError for what it would not take or would try for ever, and for certificates that are not valid now.
+    """
+    _check_endpoints((*settings.connect, *settings.listen))
+    config = zenoh.Config()
+    for path, value in {**_configuration(settings), **settings.zenoh}.items():
+        try:
+            config.insert_json5(path, json.dumps(value))
+        except zenoh.ZError as error:
+            reason = _SOURCE_LINE.sub("", str(error))
+            quoted = _QUOTED.search(reason)
+            raise ConfigError(f"wire.zenoh: {path!r} cannot be set: {quoted[1] if quoted else reason}") from error
+    if settings.security.tls:
+        from odom.wire.certificates import check_validity
+
+        check_validity(settings.security.certificates)
+    return config
+
+
+def _warn_of_expiry(security: SecuritySettings) -> None:
+    if security.tls:
+        from odom.wire.certificates import due
+
+        for words in due(security.certificates):
+            _LOG.warning("%s", words)
 
 
 def _check_endpoints(endpoints: tuple[str, ...]) -> None:

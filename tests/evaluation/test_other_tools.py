@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from full_disk import room_for
 from hypothesis import given
 from hypothesis import strategies as st
 from refused import process_as_it_was, refusal
@@ -18,6 +19,7 @@ from typer.testing import CliRunner, Result
 import odom
 from odom.cli import app
 from odom.cli.trajectories import read_truth
+from odom.errors import OdomError
 from odom.evaluation import Trajectory
 from odom.evaluation.files import read_kitti, read_tum
 from odom.geometry import se3
@@ -220,6 +222,15 @@ def test_figures_that_cannot_be_had_are_null_in_the_file_and_not_a_word_that_is_
     figures = json.loads((tmp_path / "new" / "f.json").read_text(), parse_constant=pytest.fail)
     assert figures["rpe_1s_m"] is None
     assert figures["matched"] == 4
+
+
+@pytest.mark.parametrize(("option", "name"), [("--json", "figures.json"), ("--plot", "picture.png")])
+def test_on_a_full_disk_the_file_of_figures_is_named_with_what_to_do(tmp_path, walk, option, name):
+    files = [written(tmp_path / f"{k}.txt", walk, in_seconds) for k in range(2)]
+    with room_for(100):
+        done = evaluated(*files, option, tmp_path / name)
+    assert isinstance(done.exception, OdomError)
+    assert str(done.exception).startswith(f"{tmp_path / name} cannot be written: ")
 
 
 @pytest.mark.parametrize(

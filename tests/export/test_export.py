@@ -69,6 +69,15 @@ def test_a_folder_of_a_run_becomes_a_trajectory_and_nothing_else(tmp_path):
     assert not (tmp_path / "other").exists()
 
 
+def test_runs_whose_folders_differ_behind_a_point_are_exported_together(tmp_path):
+    runs = [tmp_path / "run.1", tmp_path / "run.2"]
+    for run in runs:
+        run.mkdir()
+        (run / "trajectory.txt").write_text("1.0 0 0 0 0 0 0 1\n2.0 1 0 0 0 0 0 1\n")
+    export(*runs, "--to", "tum", "--out", tmp_path / "out")
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["run.1", "run.2"]
+
+
 def test_the_counts_are_those_of_what_is_written_and_say_that_it_is_a_part(tmp_path, monkeypatch):
     whole = exact_survey()
     keyframes = whole.scene.keyframes[:4]

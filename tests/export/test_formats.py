@@ -7,13 +7,14 @@ import gtsam
 import numpy as np
 import pytest
 from evo.tools import file_interface
+from full_disk import room_for
 from painted_room import SMALL
 from room_survey import ROOM, RoomRecording, exact_survey, seen
 
 from odom.errors import OdomError
 from odom.evaluation.files import read_kitti
 from odom.export import writing
-from odom.export.writing import Exporter, ExportOptions
+from odom.export.writing import Exporter, ExportOptions, write_trajectory
 from odom.geometry import se3
 
 OPTIONS = ExportOptions(neighbours=0, voxel_m=0.02)
@@ -29,6 +30,23 @@ def written(tmp_path, write, survey, options=OPTIONS):
     folder.mkdir()
     write(Exporter(folder, survey, RoomRecording(), options))
     return folder
+
+
+@pytest.mark.parametrize(
+    ("write", "file"),
+    [
+        (Exporter.write_colmap, "images/.*jpg"),
+        (Exporter.write_ply, "points.ply"),
+        (Exporter.write_g2o, "graph.g2o"),
+        (lambda exporter: write_trajectory(exporter.folder, "tum", exporter.survey.scene.trajectory), "trajectory.txt"),
+        (lambda exporter: write_trajectory(exporter.folder, "kitti", exporter.survey.scene.trajectory), "poses.txt"),
+    ],
+)
+def test_on_a_full_disk_the_file_is_named_with_what_to_do(tmp_path, survey, write, file, monkeypatch):
+    monkeypatch.setattr("drawn._has_room", lambda folder: False)
+    full = pytest.raises(OdomError, match=f"{tmp_path}/out/{file} cannot be written: .*make room")
+    with room_for(1000), full:
+        written(tmp_path, write, survey)
 
 
 def test_evo_reads_the_trajectories(tmp_path, survey):

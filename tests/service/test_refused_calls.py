@@ -70,6 +70,7 @@ WRONG = [
     (("desk", "--start", "1e300"), "--start 1e+300: give at most 1e+08 seconds"),
     (("desk", "--end", "1305031102.2"), "counted from the beginning"),
     (("arena", "--seconds", "1e300"), "--seconds 1e+300"),
+    (("arena", "--seconds", "0"), "--seconds"),
     (("desk", "--namespace", "truth"), "give another name"),
     (("desk", "--namespace", "a b"), "give letters"),
     (("desk", "--headless", "--web"), "contradict"),
@@ -82,6 +83,7 @@ WRONG = [
     (("desk", "--record", "old.mcap"), "replace it with --overwrite"),
     (("desk", "--record", "left.mcap", "--overwrite"), "`odom recover left.mcap.part OUT.mcap` saves it"),
     (("desk", "--config", "typo.yaml"), "typo.yaml"),
+    (("desk", "--config", "zenoh.yaml"), "wire.zenoh: 'transport/lnk' cannot be set"),
     (("arena", "--camera", "desk/camera.yaml"), "has no use for --camera"),
     (("arena", "--option", "walls=7"), "walls"),
     (("arena", "--sensor", "kinect2", "--option", "walls=7"), "walls"),
@@ -100,6 +102,7 @@ def test_a_refused_run_starts_nothing_and_touches_nothing(
 ) -> None:
     record(tmp_path / "old.mcap")
     (tmp_path / "half.yaml").write_text("image_width: 640\nimage_height: 480\n")
+    (tmp_path / "zenoh.yaml").write_text("wire: {zenoh: {transport/lnk: 1}}\n")
     (tmp_path / "left.mcap.part").write_bytes(b"what a recorder that was killed has left")
     out = tmp_path / "good"
     out.mkdir()
@@ -198,6 +201,22 @@ def test_where_nothing_can_be_written_is_found_before_the_work(
 
 def test_a_folder_that_cannot_be_written_is_refused(folder: Path) -> None:
     assert "cannot be written" in refusal("run", folder, "--headless", "--out", folder / "camera.yaml")
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        ("run", "desk", "--headless"),
+        ("serve",),
+        ("batch", "desk"),
+        ("export", "desk", "--to", "tum"),
+        ("map", "export", "desk.map"),
+        ("bench", "robustness", "desk"),
+    ],
+)
+def test_a_folder_without_a_name_is_not_taken_for_the_present_one(folder: Path, command: tuple[str, ...]) -> None:
+    assert "--out" in (words := refusal(*command, "--out", ""))
+    assert "is empty" in words
 
 
 def test_runs_that_start_together_get_folders_of_their_own(tmp_path: Path) -> None:

@@ -1,13 +1,11 @@
 """The files of a run are what other programs read: TUM text, flushed line by line."""
 
-import resource
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from full_disk import room_for
 
 from odom.backend import ChainPose, ClosedChain, Estimate, RelativePose, State, TrajectoryPose
 from odom.evaluation.files import read_run, read_tum
@@ -159,17 +157,6 @@ def test_truth_of_the_first_body_is_the_truth(tmp_path: Path) -> None:
     files.append_truth("robot", stamp(0), np.eye(4))
     assert len(read_tum(tmp_path / "truth.txt")) == 1
     assert len(read_tum(tmp_path / "truth_robot.txt")) == 1
-
-
-@contextmanager
-def room_for(size: int) -> Iterator[None]:
-    """No file may grow beyond `size` bytes, as on a full disk."""
-    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (size, hard))
-    try:
-        yield
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
 
 
 def test_a_full_disk_leaves_whole_lines_and_writing_goes_on_when_there_is_room_again(tmp_path: Path) -> None:

@@ -46,6 +46,43 @@ def test_a_wrong_setting_is_named(tmp_path: Path, text: str, named: str) -> None
         load_settings(file)
 
 
+@pytest.mark.parametrize(
+    ("text", "named"),
+    [
+        ("odometry: {pixel_sigma_px: 1}\nwire: {}\nodometry:\n  self_calibration: false\n", "line 3: 'odometry'"),
+        ("wire:\n  lease_ms: 3000\n  lease_ms: 4000\n", "line 3: 'lease_ms'"),
+    ],
+)
+def test_what_stands_twice_in_a_file_is_refused_with_its_line(tmp_path: Path, text: str, named: str) -> None:
+    file = tmp_path / "odom.yaml"
+    file.write_text(text)
+    with pytest.raises(ConfigError, match=f"{file}, {named} stands twice"):
+        load_settings(file)
+
+
+def test_a_section_may_take_over_another_and_change_it(tmp_path: Path) -> None:
+    file = tmp_path / "odom.yaml"
+    file.write_text("wire: {zenoh: {a: &a {x: 1, y: 2}, b: {<<: *a, x: 3}}}\n")
+    assert load_settings(file).wire.zenoh["b"] == {"x": 3, "y": 2}
+
+
+def test_a_file_that_is_set_to_nothing_is_none(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    files = ("certificate", "key", "ca", "password_file", "users_file")
+    for name in files:
+        monkeypatch.setenv(f"ODOM_WIRE__SECURITY__{name.upper()}", "")
+    monkeypatch.setenv("ODOM_SERVICE__MASK", "")
+    assert load_settings() == Settings.model_construct()
+    assert load_settings().service.mask is None
+    assert not load_settings().wire.security.tls
+
+
+@pytest.mark.parametrize("section", ["service: {mask: ''}", "wire: {security: {certificate: '', users_file: ''}}"])
+def test_a_file_that_is_nothing_in_a_file_of_settings_is_none(tmp_path: Path, section: str) -> None:
+    file = tmp_path / "odom.yaml"
+    file.write_text(section)
+    assert load_settings(file) == Settings()
+
+
 def printed(*arguments: str) -> str:
     done = CliRunner().invoke(app, ["config", *arguments])
     assert done.exit_code == 0

@@ -181,6 +181,13 @@ def test_what_is_no_endpoint_is_refused_instead_of_tried_for_ever(where: str) ->
         pass
 
 
+@pytest.mark.parametrize(("path", "value"), [("transport/lnk/tx", 1), ("transport/link/tx/lease", "long")])
+def test_what_zenoh_does_not_take_is_named(path: str, value: int | str) -> None:
+    settings = WireSettings(connect=(), listen=(), zenoh={path: value})
+    with pytest.raises(ConfigError, match=f"wire.zenoh: '{path}' cannot be set: [a-z ]+$"), open_session(settings):
+        pass
+
+
 @pytest.mark.parametrize("where", ["tcp/[::1]:7447", "tls/rig.local:7447#iface=eth0", "udp/1.2.3.4:1?rel=0", "vsock/1"])
 def test_no_kind_of_endpoint_is_taken_for_none(where: str) -> None:
     _check_endpoints((where,))

@@ -194,8 +194,8 @@ class Estimate:
     both with the covariance that the published trajectory claims for them; `pairwise` is the paper's independent
     registration of (C_i, C_i+1), and `chain` the pose that follows from these alone. `moving` says which part of the
     view moves, as it was last looked at, None where nothing could tell. `path` lists the key frames' poses
-    a few frames after they have changed at the latest, else None; `landmarks_map` (m x 3, map frame) is a thinned cloud
-    of landmarks for display, sent with it. `timings_ms` is the processing time of each stage.
+    (read-only) a few frames after they have changed at the latest, else None; `landmarks_map` (m x 3, map frame) is a
+    thinned cloud of landmarks for display, sent with it. `timings_ms` is the processing time of each stage.
     """
 
     sequence: int

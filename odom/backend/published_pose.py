@@ -31,10 +31,10 @@ class PublishedPose:
     is_predicted: bool = False
 
     def in_estimate(self, estimate: Estimate) -> Estimate:
-        """Return a frame's estimate with its pose and motions."""
+        """Return a frame's estimate with its pose, a copy that may be changed, and its motions."""
         return replace(
             estimate,
-            T_odom_camera=self.T_odom_camera,
+            T_odom_camera=self.T_odom_camera.copy(),
             covariance=self.covariance,
             step=self.step,
             second=self.second,

@@ -30,9 +30,9 @@ _WHITENINGS = 4
 """Rounds of learning the errors' model and solving again; nothing changes after three."""
 _ITERATIONS, _CONVERGED = 30, 1e-6
 """Gauss-Newton steps at most (some six are needed), ended by a smaller step (m, rad, s)."""
-_GROUP_S, _GROUPS = 1.0 / 6.0, 100
-"""Length of a group of frames, and the number of groups that is kept in a short recording: a body carried by hand
-moves too slowly for shorter groups to say more; longer ones blur its motion."""
+_GROUP_S = 1.0 / 6.0
+"""Length of a group of frames: a body carried by hand moves too slowly for shorter ones to say more, and their errors
+are less like what `drift` models; longer ones blur its motion. There are `MINIMUM` groups at least."""
 _BLOCK_S = 5.0
 """Errors count as correlated within this time: a shorter one claims too much, a longer one leaves few blocks."""
 _WILD = 15.0
@@ -90,7 +90,7 @@ class HandEye:
     @cached_property
     def _group(self) -> int:
         period_s = float(np.median(np.diff(self.estimate.stamps))) * 1e-9
-        return max(1, min(round(_GROUP_S / period_s), len(self.estimate) // _GROUPS))
+        return max(1, min(round(_GROUP_S / period_s), len(self.estimate) // MINIMUM))
 
     def _without_wild_frames(self, state: State) -> "HandEye":
         """Return the problem without the frames whose truth is wild, which would spoil their whole group."""
@@ -188,12 +188,20 @@ class HandEye:
         return float(np.log1p(np.square(r).sum(axis=1) / _CAUCHY).sum())
 
     def _sigma(self, state: State, whiten: Whitener) -> Array:
-        """Return 13 standard deviations, 0 for what is not free; errors count as correlated within blocks of 5 s."""
+        """Return 13 standard deviations, 0 for what is not free; errors count as correlated within blocks of 5 s.
+
+        They allow for a model that is learnt from n errors of 6 numbers, left by the unknowns: the inverse of their
+        covariance is too large by n / (n - 7) on average (J. Hartlap, P. Simon and P. Schneider, "Why your model
+        parameter confidences might be too small", 2007), and the solution weighted by it spreads about as much wider
+        (S. Dodelson and M. Schneider, "The effect of covariance estimator error on cosmological parameter constraints",
+        2013).
+        """
         H, _, scores = self._normal_equations(state, whiten)
-        per_block = max(1, round(_BLOCK_S * len(scores) / max(self.estimate.duration_s, 1e-3)))
+        n = len(scores)
+        per_block = max(1, round(_BLOCK_S * n / max(self.estimate.duration_s, 1e-3)))
         out = np.zeros(13)
-        out[self.free] = sandwich_sigma(H, scores, max(len(scores) // per_block, 2))
-        return out
+        out[self.free] = sandwich_sigma(H, scores, max(n // per_block, 2))
+        return np.asarray(out * n / (n - 7) * np.sqrt(n / (n - np.count_nonzero(self.free) / 6)))
 
 
 def _averaged(rows: Array, group: int) -> Array:

@@ -94,6 +94,8 @@ def calibrate(estimate: Trajectory, truth: Trajectory, options: CalibrationOptio
     Of either in several segments the longest is taken. Raises InputError when too few poses match in time, none of the
     two moves at all, or one is no rigid motion.
     """
+    if not isinstance(options, CalibrationOptions | None):
+        raise InputError(f"{type(options).__name__} given as options: give CalibrationOptions(offset_s=...), or None")
     options = options or CalibrationOptions()
     for name, given in (("estimate", estimate), ("truth", truth)):
         check(name, given)

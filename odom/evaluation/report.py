@@ -1,6 +1,7 @@
 """All errors of one estimate against truth."""
 
 from dataclasses import dataclass
+from numbers import Integral, Real
 
 import numpy as np
 
@@ -24,14 +25,18 @@ class EvaluationOptions:
 
     `max_gap_s`: truth is interpolated between neighbours at most this far apart; `total_frames`: frames that the
     source had, when it is known and larger than the number of estimated poses.
+
+    Raises InputError for what are no seconds, or no number of frames.
     """
 
     max_gap_s: float = 0.1
     total_frames: int | None = None
 
     def __post_init__(self) -> None:
-        if not self.max_gap_s >= 0.0:
-            raise InputError(f"max_gap_s is {self.max_gap_s}: give seconds, 0 or more")
+        if not isinstance(self.max_gap_s, Real) or not self.max_gap_s >= 0.0:
+            raise InputError(f"max_gap_s is {self.max_gap_s!r}: give seconds, 0 or more")
+        if not isinstance(self.total_frames, Integral | None):
+            raise InputError(f"total_frames is {self.total_frames!r}: give a number of frames, or None")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -63,6 +68,8 @@ def evaluate(estimate: Trajectory, truth: Trajectory, options: EvaluationOptions
     (see `pairs_of_neighbours`). Raises InputError when fewer than three poses can be matched in time, or one is no
     rigid motion.
     """
+    if not isinstance(options, EvaluationOptions | None):
+        raise InputError(f"{type(options).__name__} given as options: give EvaluationOptions(max_gap_s=...), or None")
     options = options or EvaluationOptions()
     for name, given in (("estimate", estimate), ("truth", truth)):
         check(name, given)

@@ -29,8 +29,8 @@ class Trajectory:
     """Poses `T_world_body` (n x 4 x 4, metres) at strictly increasing `stamps` (n, int64 nanoseconds).
 
     `segment` (n) numbers each pose's world: an estimate that was lost and began anew has several. None: just one.
-    Lists are taken as well. Raises InputError when shapes disagree, stamps or segments are no integers, stamps do not
-    increase, or a pose is not finite or its last row not 0 0 0 1, as that of a transposed one.
+    Lists are taken as well, arrays copied. Raises InputError when shapes disagree, stamps or segments are no integers,
+    stamps do not increase, or a pose is not finite or its last row not 0 0 0 1, as that of a transposed one.
     """
 
     stamps: Stamps
@@ -179,12 +179,14 @@ def have_rotations(T: Array) -> Mask:
 
 
 def as_array(name: str, values: Any, kind: type[np.generic]) -> NDArray[Any]:
-    """Return an array of numbers of `kind`, or of the kind that `values` have where that would change them.
+    """Return a copy of numbers as an array of `kind`, or of the kind that `values` have where that would change them.
 
-    Raises InputError, calling them `name`, for what are no numbers.
+    Raises InputError, calling them `name`, for what are no numbers, or some of them masked.
     """
     try:
-        array = np.asarray(values)
+        if np.ma.isMaskedArray(values):
+            raise ValueError("some are masked: leave these out")
+        array = np.array(values)
         if not array.size or np.can_cast(array.dtype, kind, "safe"):
             return array.astype(kind, copy=False)
         if kind is not np.int64:

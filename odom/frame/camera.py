@@ -40,7 +40,12 @@ class Camera:
     depth: DepthModel = EXACT_DEPTH
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "distortion", tuple(float(value) for value in np.ravel(self.distortion)))
+        try:
+            object.__setattr__(self, "distortion", tuple(float(value) for value in np.ravel(self.distortion)))
+        except (TypeError, ValueError):
+            raise ConfigError(
+                f"distortion of the camera is {self.distortion!r}: give its coefficients, () where there are none"
+            ) from None
         for name in ("width", "height", "fx", "fy", "cx", "cy"):
             if not isinstance(value := getattr(self, name), Real):
                 raise ConfigError(

@@ -81,6 +81,8 @@ def _check_color(color: Any) -> None:
 def _check_depth(depth_mm: Any, size: tuple[int, ...]) -> None:
     if not isinstance(depth_mm, np.ndarray):
         raise InputError(f"depth is a {type(depth_mm).__name__}: give a numpy array, numpy.asarray(image)")
+    if np.ma.isMaskedArray(depth_mm):
+        raise InputError("depth is a masked array: give depth.filled(0), with 0 where nothing was measured")
     advice = ""
     if depth_mm.dtype.kind == "f":
         advice = "; of metres, numpy.rint(1000 * numpy.nan_to_num(depth)).astype(numpy.uint16)"

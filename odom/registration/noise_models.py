@@ -169,8 +169,10 @@ def point_covariances(
 
     `uv` (n x 2) are undistorted pixels, `depth_m` (n) positive metres. The depth's part is eqs. (20)-(21), along the
     viewing ray; the pixel's is across: `J diag(su^2, sv^2, sz^2) J'` with J the Jacobian of eq. (19).
-    Raises InputError for depths that are not positive and finite, or shapes that disagree.
+    Raises InputError for depths that are not positive and finite, shapes that disagree, or a class given as model.
     """
+    if isinstance(model, type):
+        raise InputError(f"the class {model.__name__} given as noise model: give a model of it, {model.__name__}()")
     uv, z = _of_one_length(uv, depth_m)
     if not (z > 0.0).all() or not np.isfinite(z).all() or not np.isfinite(uv).all():
         raise InputError("depths must be positive and finite: leave out pixels without a measurement")

@@ -17,8 +17,17 @@ _ROUNDING = 1e-6
 rounding ever makes."""
 
 
+def _copied(name: str, value: Array | None) -> Array:
+    if np.ma.isMaskedArray(value):
+        raise InputError(f"{name} are a masked array: leave out what is masked, and give a plain one of the rest")
+    try:
+        return np.array(value, dtype=np.float64, order="C")
+    except (TypeError, ValueError) as error:
+        raise InputError(f"{name} are no array of numbers ({error}): give one of numpy") from error
+
+
 def _points(name: str, value: Array | None, n: int | None = None) -> Array:
-    points = np.ascontiguousarray(value, dtype=np.float64)
+    points = _copied(name, value)
     if points.ndim != 2 or points.shape[1] != 3 or (n is not None and len(points) != n):
         raise InputError(f"{name} have shape {points.shape}: give {'n' if n is None else n} x 3 metres")
     return points
@@ -42,7 +51,7 @@ def _first_uneven(covariances: Array) -> int:
 def _covariances(name: str, value: Array | None, n: int) -> Array | None:
     if value is None:
         return None
-    covariances = np.ascontiguousarray(value, dtype=np.float64)
+    covariances = _copied(name, value)
     if covariances.shape == (n, 3, 3):
         if (wrong := _first_uneven(covariances)) >= 0:
             raise InputError(f"{name}: that of pair {wrong} is not finite and symmetric; leave the pair out")
@@ -60,8 +69,8 @@ class Pairs:
 
     Points are n x 3 metres, each in its own frame; covariances are n x 3 x 3 m^2 in the frame of their points (n x 3
     is taken as the variances along the axes), None for points without noise. `weights` (n, positive or 0) multiply
-    the information of a pair; None for 1. Raises InputError when a shape is wrong or a covariance not symmetric; other
-    values are checked where they are used, by the estimators.
+    the information of a pair; None for 1. The arrays are copied. Raises InputError when a shape is wrong, a covariance
+    not symmetric or an array masked; other values are checked where they are used, by the estimators.
     """
 
     points_source: Array
@@ -81,7 +90,7 @@ class Pairs:
             name = f"covariances_{side}"
             object.__setattr__(self, name, _covariances(f"{side} covariances", getattr(self, name), n))
         if self.weights is not None:
-            weights = np.ascontiguousarray(self.weights, dtype=np.float64)
+            weights = _copied("weights", self.weights)
             if weights.shape != (n,):
                 raise InputError(f"weights have shape {weights.shape}: give {n}")
             object.__setattr__(self, "weights", weights)
@@ -129,8 +138,9 @@ class Prior:
     """What is believed before the pairs are seen: a motion prediction.
 
     `T_target_source` is 4 x 4, its translation in metres. `covariance` (6 x 6, `se3` convention, m and rad) makes it
-    evidence of its own, fused with the pairs; without it the pose is only where the search begins. Raises InputError
-    for a matrix that is no rigid motion, and a covariance that is not symmetric and positive definite.
+    evidence of its own, fused with the pairs; without it the pose is only where the search begins. Both are copied.
+    Raises InputError for a matrix that is no rigid motion, and a covariance that is not symmetric and positive
+    definite.
     """
 
     T_target_source: Array
@@ -139,7 +149,7 @@ class Prior:
     __repr__ = brief
 
     def __post_init__(self) -> None:
-        T = np.ascontiguousarray(self.T_target_source, dtype=np.float64)
+        T = _copied("the prior's numbers", self.T_target_source)
         if T.shape != (4, 4) or not _is_rigid(T):
             if T.shape == (4, 4) and _is_rigid(T.T.copy()):
                 raise InputError("the prior is transposed: give the translation in its last column, the matrix's .T")
@@ -147,7 +157,7 @@ class Prior:
             raise InputError(f"the prior is not a rigid motion: give {needs}")
         object.__setattr__(self, "T_target_source", T)
         if self.covariance is not None:
-            P = np.ascontiguousarray(self.covariance, dtype=np.float64)
+            P = _copied("the covariance's numbers", self.covariance)
             if P.shape != (6, 6) or not np.isfinite(P).all() or np.linalg.eigvalsh(P)[0] <= 0.0:
                 raise InputError("the prior's covariance is not a positive 6 x 6 matrix: give one, or None for a hint")
             if not np.abs(P - P.T).max() <= _ROUNDING * np.abs(P).max():

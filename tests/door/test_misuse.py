@@ -61,6 +61,7 @@ def test_another_colour_image_is_refused(color, advice):
         (DEPTH[::2, ::2], "registered"),
         (DEPTH.T, "registered"),
         (DEPTH.tolist(), "numpy array"),
+        (np.ma.masked_equal(DEPTH, 0), "filled(0)"),
     ],
 )
 def test_another_depth_image_is_refused(depth, advice):
@@ -84,6 +85,24 @@ def test_stamps_in_numbers_of_frames_milliseconds_or_microseconds_are_refused(un
     with pytest.raises(odom.InputError, match="from_seconds"):
         odometry.process(odom.RgbdFrame(4, 4 * unit, GREY, 4 * unit, DEPTH))
     odometry.process(odom.RgbdFrame(5, 10**8, GREY, 10**8, DEPTH))
+
+
+@pytest.mark.parametrize("given", [RGB, None, (0, 0, RGB, 0, DEPTH)])
+def test_what_is_no_frame_is_refused(given):
+    with pytest.raises(odom.InputError, match=r"give odom\.RgbdFrame"):
+        odom.Odometry(odom.Camera(640, 480, 525.0, 525.0, 319.5, 239.5)).process(given)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "advice"),
+    [
+        (((640, 480, 525.0, 525.0, 319.5, 239.5),), "give odom.Camera"),
+        ((odom.Camera(640, 480, 525.0, 525.0, 319.5, 239.5), {"max_features": 300}), "give odom.OdometrySettings"),
+    ],
+)
+def test_an_odometry_of_no_camera_or_other_settings_is_refused(arguments, advice):
+    with pytest.raises(odom.ConfigError, match=advice):
+        odom.Odometry(*arguments)
 
 
 def test_frames_of_another_size_or_out_of_order_are_refused():
@@ -117,6 +136,8 @@ def test_colour_turned_from_bgr_by_a_view_is_taken():
         {"cy": None},
         {"height": [480]},
         {"distortion": (0.1, 0.2, 0.3)},
+        {"distortion": None},
+        {"distortion": "k1"},
         {"distortion": (0.1, 0.2, 0.3, float("inf"))},
     ],
 )
@@ -159,6 +180,9 @@ def spoilt(entry, value):
         ((POINTS, POINTS, spoilt((4, 0, 1), 1e-5)), "pair 4 is not finite and symmetric"),
         ((POINTS, POINTS, None, spoilt((5, 2, 2), np.nan)), "pair 5 is not finite and symmetric"),
         ((POINTS, POINTS, None, SOUND, np.ones(9)), "give 10"),
+        ((np.ma.masked_greater(POINTS, 0.5), POINTS, None, SOUND), "source points are a masked array"),
+        ((POINTS, POINTS, None, np.ma.masked_equal(SOUND, 0.0)), "target covariances are a masked array"),
+        (([["a", "b", "c"]], POINTS), "source points are no array of numbers"),
         ((POINTS, POINTS), "covariances"),
         ((np.where(POINTS > 0.5, np.nan, POINTS), POINTS, None, SOUND), "finite"),
         ((POINTS, POINTS, None, spoilt(6, 0.0)), "pair 6 is not positive definite"),
@@ -180,6 +204,25 @@ def test_points_that_are_no_pairs_are_refused():
 def test_a_motion_that_is_no_prior_is_refused():
     with pytest.raises(odom.InputError, match="give Prior"):
         odom.register(odom.Pairs(POINTS, POINTS, SOUND, SOUND), np.eye(4))
+    with pytest.raises(odom.InputError, match="give Prior"):
+        odom.RecursiveFilter(np.eye(4))
+
+
+def test_pairs_and_prior_stay_as_they_were_given_when_the_arrays_are_written():
+    points, variances, weights, T, P = POINTS.copy(), np.full((10, 3), 1e-4), np.ones(10), np.eye(4), np.eye(6)
+    pairs, prior = odom.Pairs(points, points, SOUND, variances, weights), odom.Prior(T, P)
+    before = odom.register(pairs, prior)
+    for array in (points, variances, weights, T, P):
+        array += 0.5
+    np.testing.assert_array_equal(odom.register(pairs, prior).T_target_source, before.T_target_source)
+    np.testing.assert_array_equal(pairs.weights, np.ones(10))
+    np.testing.assert_array_equal(prior.covariance, np.eye(6))
+
+
+def test_the_class_of_a_noise_model_is_refused():
+    camera = odom.Camera(640, 480, 525.0, 525.0, 319.5, 239.5)
+    with pytest.raises(odom.InputError, match=r"KinectV1\(\)"):
+        odom.point_covariances(odom.KinectV1, camera, [[1, 2]], [1.0])
 
 
 @pytest.mark.parametrize("seconds", [np.float32(1305031102.175304), np.float32(-1e6), np.float16(5.0)])

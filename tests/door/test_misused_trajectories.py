@@ -41,6 +41,7 @@ def test_no_poses_make_an_empty_trajectory():
         (5, POSES, None, "n x 4 x 4"),
         (STAMPS, POSES.astype(complex), None, "T_world_body"),
         (STAMPS, None, None, "T_world_body"),
+        (STAMPS, np.ma.masked_greater(POSES, 5.0), None, "T_world_body .* masked"),
         (STAMPS, [[1, 2], [3]], None, "T_world_body"),
         (STAMPS, POSES, np.zeros(3, int), "segment"),
         (STAMPS, POSES, np.full(20, 0.5), "segment"),
@@ -63,6 +64,17 @@ def test_seconds_as_keys_are_not_cut_to_whole_nanoseconds():
 def test_poses_that_are_no_rigid_motions_are_not_judged(spoil):
     with pytest.raises(odom.InputError, match="truth: 20 of 20 poses are no rigid motions"):
         odom.evaluate(WALK, odom.Trajectory(STAMPS, POSES @ np.diag(spoil)))
+
+
+def test_a_trajectory_stays_as_it_was_given_when_the_arrays_are_written():
+    stamps, poses, segment = STAMPS.copy(), POSES.copy(), np.zeros(20, np.int64)
+    truth = odom.Trajectory(stamps, poses, segment)
+    poses[::2, 2, 3] += 0.1
+    stamps[5:] += 1
+    segment[5:] += 1
+    np.testing.assert_array_equal(truth.stamps, STAMPS)
+    np.testing.assert_array_equal(truth.segment, np.zeros(20))
+    assert odom.evaluate(odom.Trajectory(STAMPS, poses), truth).ate_m > 0.04
 
 
 @pytest.mark.parametrize("given", [POSES, "estimate.txt", None])
@@ -97,7 +109,21 @@ def test_imposed_times_that_are_none_are_refused(given):
         CalibrationOptions(**given)
 
 
-@pytest.mark.parametrize("gap_s", [-1.0, float("nan")])
+@pytest.mark.parametrize("given", [0.1, {"max_gap_s": 0.1}])
+def test_what_are_no_options_are_refused(given):
+    with pytest.raises(odom.InputError, match="give EvaluationOptions"):
+        odom.evaluate(WALK, WALK, given)
+    with pytest.raises(odom.InputError, match="give CalibrationOptions"):
+        odom.calibrate(WALK, WALK, given)
+
+
+@pytest.mark.parametrize("frames", ["x", 20.5])
+def test_what_is_no_number_of_frames_is_refused(frames):
+    with pytest.raises(odom.InputError, match="total_frames"):
+        odom.EvaluationOptions(total_frames=frames)
+
+
+@pytest.mark.parametrize("gap_s", [-1.0, float("nan"), "0.1"])
 def test_a_gap_that_is_none_is_refused(gap_s):
     with pytest.raises(odom.InputError, match="max_gap_s"):
         odom.EvaluationOptions(max_gap_s=gap_s)

@@ -33,6 +33,17 @@ def test_offset_and_hand_eye_are_recovered_within_their_uncertainty(seed, offset
     assert found.notes == ()
 
 
+@pytest.mark.parametrize("rate_hz", [15.0, 30.0, 60.0])
+def test_of_a_recording_of_seconds_no_more_is_claimed_than_is_known(rate_hz):
+    found = []
+    for seed in range(20, 44):
+        _, estimate, truth = scene(seed, 0.02, np.arange(0.0, 3.0, 1.0 / rate_hz))
+        calibrated = calibrate(estimate, truth)
+        error = se3.log(se3.inverse(calibrated.T_body_camera) @ T_BODY_CAMERA)
+        found += [*(error / calibrated.hand_eye_sigma), (calibrated.offset_s - 0.02) / calibrated.offset_sigma_s]
+    assert np.sqrt(np.mean(np.square(found))) < 1.3
+
+
 def test_ate_with_the_found_calibration_is_that_with_exact_truth():
     true, estimate, truth = scene(3, 0.037)
     exact = evaluate(estimate, true).ate_m

@@ -23,8 +23,9 @@ _NOTHING: _Shown = (np.eye(4), np.eye(4), TrajectoryPose(Stamp(0), None, -1))
 class ShownPath:
     """The key frames' poses at their stamps; of those not in memory at most 500, thinned evenly.
 
-    Poses that are where they were last time are not worked out again: most of a large map stays where it is. Of the key
-    frames not in memory those are shown whose number a power of two divides, the same ones while the camera goes on.
+    Poses that are where they were last time are not worked out again: most of a large map stays where it is. Being
+    in several paths, they are read-only. Of the key frames not in memory those are shown whose number a power of two
+    divides, the same ones while the camera goes on.
     """
 
     def __init__(self) -> None:
@@ -53,6 +54,7 @@ class ShownPath:
                 moved.append(k)
         T_middle_stamp = np.array([k.T_middle_stamp for k in moved]).reshape(-1, 4, 4)
         T_map_stamp = changes_in_map(T_middle_stamp, np.array([k.T_camera_map for k in moved]).reshape(-1, 4, 4))
+        T_map_stamp.flags.writeable = False
         for k, T in zip(moved, T_map_stamp, strict=True):
             known[k.number] = k.T_camera_map, k.T_middle_stamp, TrajectoryPose(k.stamp, T, k.segment)
         self._known = {n: known[n] for n in numbers}

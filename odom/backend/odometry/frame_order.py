@@ -1,5 +1,6 @@
 """Which frames are refused: of another size, out of order, or stamped in another unit."""
 
+from odom.backend.map.frame_log import FrameLog
 from odom.backend.odometry.tuning import TUNING
 from odom.errors import InputError
 from odom.frame import Camera, RgbdFrame
@@ -16,8 +17,11 @@ class FrameOrder:
     def __init__(self) -> None:
         self._too_close = 0
 
-    def check(self, frame: RgbdFrame, camera: Camera, since_last_s: float) -> None:
-        """Raise InputError for a frame that cannot follow the last one, stamped `since_last_s` after it."""
+    def check(self, frame: RgbdFrame, camera: Camera, log: FrameLog) -> None:
+        """Raise InputError for what is no frame, or one that cannot follow the last one of the log."""
+        if not isinstance(frame, RgbdFrame):
+            raise InputError(f"{type(frame).__name__} given as frame: give odom.RgbdFrame(sequence, stamp, color, ...)")
+        since_last_s = log.since_last_s(frame.stamp)
         if frame.depth_mm.shape != (camera.height, camera.width):
             raise InputError(f"a frame of {frame.depth_mm.shape[::-1]} pixels from {camera}: give that camera's own")
         if -TUNING.new_time_s <= since_last_s <= 0.0:

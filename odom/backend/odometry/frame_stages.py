@@ -225,5 +225,5 @@ class FrameStages:
     def _describe(self, view: View, state: State, reason: str, published: PublishedPose | None) -> Estimate:
         """Return the estimate for a frame as it was published, without a pose where None."""
         segment = self._segment if published is None else published.frame.segment
-        estimate = Estimate(view.sequence, view.stamp, state, reason, segment, self.published.T_map_odom)
+        estimate = Estimate(view.sequence, view.stamp, state, reason, segment, self.published.T_map_odom.copy())
         return estimate if published is None else published.in_estimate(estimate)

@@ -28,7 +28,6 @@ from odom.backend.settings import OdometrySettings
 from odom.backend.stopwatch import Stopwatch
 from odom.backend.tracking.prediction import predict_pose
 from odom.backend.tracking.tracked_frame import TrackedFrame
-from odom.errors import ConfigError
 from odom.frame import Camera, RgbdFrame, Stamp
 from odom.frontend.camera.rolling_shutter import ShutterTiming
 from odom.frontend.camera.sensor_memory import SensorMemory
@@ -38,8 +37,6 @@ from odom.frontend.features.images import FrameImages
 from odom.frontend.features.view import View
 from odom.geometry.arrays import Array, Image
 
-_LEAST_SIDE_PX = 64
-"""Narrower images hold no patches in which landmarks could be searched."""
 _UNMOVED: Mapping[int, Array] = MappingProxyType({})
 """No poses besides those of the map."""
 
@@ -49,7 +46,7 @@ class Odometry:
 
     Deterministic: what runs in the background takes effect at a fixed frame number, never by the clock; time is that
     of the frames' stamps. A frame that cannot be placed has the state LOST; it is not an error. Raises ConfigError for
-    images too small to track in, or an unknown lens model.
+    images too small to track in, an unknown lens model, or arguments of other types.
 
     `saved` is a map of earlier runs, `odom.MapFile(path, is_written).begin(camera)`: it is extended, or only used to
     find the camera. A `segmenter` is a function that returns for an `RgbdFrame` the pixels that may move, for example
@@ -66,8 +63,6 @@ class Odometry:
         segmenter: Segmenter | None = None,
         calibrator: "Calibrator[Odometry] | None" = None,
     ) -> None:
-        if min(camera.width, camera.height) < _LEAST_SIDE_PX:
-            raise ConfigError(f"{camera}: images need {_LEAST_SIDE_PX} pixels each way at least")
         self.settings = settings or OdometrySettings()
         self.camera = camera
         unproven = unproven_sensor(camera, self.settings)
@@ -142,12 +137,12 @@ class Odometry:
         `on_pose` is given the estimate of a tracked frame as soon as its pose is known, before the chain and the map
         go on. What these and the background add to it is in the returned estimate only.
 
-        Raises InputError for a frame whose size is not the camera's, whose stamp is the last one's or up to a second
-        before it, or whose stamps stay less than 0.1 ms apart: they are not nanoseconds. A stamp further back begins a
-        new time, in which the camera has to be found again.
+        Raises InputError for what is no RgbdFrame, a frame whose size is not the camera's, whose stamp is the last
+        one's or up to a second before it, or whose stamps stay less than 0.1 ms apart: they are not nanoseconds. A
+        stamp further back begins a new time, in which the camera has to be found again.
         """
         stages, log = self._stages, self._stages.published.log
-        self._order.check(frame, self.camera, log.since_last_s(frame.stamp))
+        self._order.check(frame, self.camera, log)
         stages.sensor = stages.sensor.with_stamp(frame.stamp)
         prepared, self._prepared = self._prepared, None
         if prepared is not None and not prepared.is_of(frame, stages.last):

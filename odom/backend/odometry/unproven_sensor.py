@@ -3,6 +3,7 @@
 import numpy as np
 
 from odom.backend.settings import OdometrySettings
+from odom.errors import ConfigError
 from odom.frame import Camera
 from odom.frontend.camera.noise_monitor import FeatureNoise, NoiseMonitor
 from odom.frontend.camera.rolling_shutter import ShutterTiming
@@ -10,6 +11,8 @@ from odom.frontend.camera.sensor_model import SensorModel
 from odom.frontend.camera.stamp_clock import StampClock
 from odom.frontend.features.image_scale import scaled_lens
 
+_LEAST_SIDE_PX = 64
+"""Narrower images hold no patches in which landmarks could be searched."""
 _INVERSE_DEPTH_KNOTS = np.array([0.15, 0.3, 0.5, 0.8, 1.2, 2.0])
 """Inverse depths (1/m) at which the noise of depth is learnt: from 6.7 m to .5 m, the range of a Kinect."""
 
@@ -17,8 +20,14 @@ _INVERSE_DEPTH_KNOTS = np.array([0.15, 0.3, 0.5, 0.8, 1.2, 2.0])
 def unproven_sensor(camera: Camera, settings: OdometrySettings) -> SensorModel:
     """Return the sensor model of a camera by the settings alone, for its images as they are scaled.
 
-    Raises ConfigError for an unknown lens model.
+    Raises ConfigError for images too small to track in, an unknown lens model, or arguments of other types.
     """
+    if not isinstance(camera, Camera):
+        raise ConfigError(f"{type(camera).__name__} given as camera: give odom.Camera(width, height, fx, fy, cx, cy)")
+    if not isinstance(settings, OdometrySettings):
+        raise ConfigError(f"{type(settings).__name__} given as settings: give odom.OdometrySettings(name=value)")
+    if min(camera.width, camera.height) < _LEAST_SIDE_PX:
+        raise ConfigError(f"{camera}: images need {_LEAST_SIDE_PX} pixels each way at least")
     knots = _INVERSE_DEPTH_KNOTS
     noise = FeatureNoise(settings.pixel_sigma_px, np.stack([knots, np.full_like(knots, settings.inverse_depth_sigma)]))
     sigma_s = [settings.readout_prior_sigma_s, settings.depth_lag_prior_sigma_s, settings.depth_readout_prior_sigma_s]

@@ -64,6 +64,8 @@ class RecursiveFilter:
 
     def __post_init__(self) -> None:
         check_settings(self.theta, self.alpha)
+        if not isinstance(self.prior, Prior | None):
+            raise InputError(f"{type(self.prior).__name__} given as prior: give Prior(T_target_source), or None")
         if self.centroids is not None and self.prior is not None and self.prior.covariance is not None:
             raise InputError("centroids and a prior with covariance: give Prior(T_target_source), or no centroids")
 

@@ -20,7 +20,7 @@ WORKDIR /data
 # compile once, here, instead of at the first start of each container
 ENV NUMBA_CACHE_DIR=/home/odom/.cache/numba
 RUN odom doctor --help >/dev/null \
-    && python -c "from odom.service.startup import warm_up; from odom.backend import OdometrySettings; from odom.wire import Topics; warm_up(OdometrySettings(), Topics())"
+    && python -c "from odom.service.startup import warm_up; from odom.backend import OdometrySettings; from odom.wire import Topics; warm_up(OdometrySettings(), Topics()).wait()"
 
 STOPSIGNAL SIGTERM
 ENTRYPOINT ["odom"]

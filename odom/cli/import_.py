@@ -9,7 +9,7 @@ import typer
 
 from odom.cli import signals
 from odom.cli.options import Calibration, Compression, OwnTopics, SourceOption, pairs
-from odom.cli.outputs import check_not_read
+from odom.cli.outputs import check_not_read, check_recording_name
 
 
 def import_(
@@ -32,7 +32,7 @@ def import_(
     """
     import cv2
 
-    from odom.errors import ConfigError, RecordingError, SourceError
+    from odom.errors import RecordingError, SourceError
     from odom.service.progress import counting
     from odom.wire import Topics
     from odom.wire.recording import RecordingWriter
@@ -40,8 +40,7 @@ def import_(
     from sensors.needed_images import NeededImages
     from sensors.source import SourceOptions
 
-    if output.suffix.lower() != ".mcap":
-        raise ConfigError(f"{output}: give a name that ends with .mcap, by which a recording is known")
+    check_recording_name(output)
     cv2.setNumThreads(1)
     stop = signals.stop_event()
     topics = Topics(namespace)

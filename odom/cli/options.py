@@ -1,11 +1,13 @@
 """Arguments and options that several commands take, and what they mean as settings."""
 
+import os
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
+from odom.cli.outputs import check_place
 from odom.errors import ConfigError, MapError
 
 if TYPE_CHECKING:
@@ -94,23 +96,31 @@ def wire_settings(
 
 
 def check_map(path: Path | None, localize: bool) -> None:
-    """Refuse, before anything is touched, a map that cannot be used; raises ConfigError."""
+    """Refuse, before anything is touched, a map that cannot be read, or extended unless `localize`.
+
+    Raises ConfigError.
+    """
     if path is None:
         if localize:
             raise ConfigError("--localize needs a map: give --map FILE")
         return
-    from odom.map_file.database import is_there
+    from odom.map_file.database import is_there, lock
     from odom.map_file.map_file import MapFile
 
-    if localize or is_there(path):
-        try:
+    keyframes = 0
+    try:
+        if not localize:
+            check_place("--map", path.resolve())
+            if path.is_file():
+                os.close(lock(path))
+        if localize or is_there(path):
             keyframes = MapFile(path, is_written=False).check_readable()
-        except MapError as error:
-            raise ConfigError(str(error)) from error
-        if localize and not keyframes:
-            raise ConfigError(
-                f"{path} holds no key frame, so no camera can be found in it: run without --localize to extend it"
-            )
+    except MapError as error:
+        raise ConfigError(str(error)) from error
+    if localize and not keyframes:
+        raise ConfigError(
+            f"{path} holds no key frame, so no camera can be found in it: run without --localize to extend it"
+        )
 
 
 def with_mask(settings: "Settings", path: Path | None) -> "Settings":

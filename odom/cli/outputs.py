@@ -17,6 +17,12 @@ def timed(output: Path) -> Path:
     return Path(str(output).replace("{time}", time.strftime("%Y%m%dT%H%M%SZ", time.gmtime())))
 
 
+def check_recording_name(output: Path) -> None:
+    """Raise ConfigError when no command would know `output` as a recording by its name."""
+    if output.suffix.lower() != ".mcap":
+        raise ConfigError(f"{output}: give a name that ends with .mcap, by which a recording is known")
+
+
 def check_not_read(source: str, output: Path) -> None:
     """Raise ConfigError when `output` is the recording SOURCE, or lies in the folder that is read."""
     read = Path(source.removeprefix("kinect:"))
@@ -39,6 +45,7 @@ def check_recording(source: str, output: Path, overwrite: bool, out: Path | None
     is_folder = folder is not None and folder.is_relative_to(written)
     if is_folder or (written.parent == folder and is_result(written.name)) or (map_ and written == map_.resolve()):
         raise ConfigError(f"--record {output} is what the run itself writes: give another name for the recording")
+    check_recording_name(output)
     try:
         check_free(output, overwrite)
     except RecordingError as error:

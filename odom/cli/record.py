@@ -8,7 +8,7 @@ import typer
 
 from odom.cli import signals
 from odom.cli.options import Compression, Config, Connect, Listen, Mode, Namespace, wire_settings
-from odom.cli.outputs import timed
+from odom.cli.outputs import check_recording_name, timed
 
 _LOG = logging.getLogger(__name__)
 
@@ -48,6 +48,7 @@ def record(
     from odom.wire.recording import RecordingWriter
     from odom.wire.session import open_session
 
+    check_recording_name(output)
     give_back_large_blocks()
     stop = signals.stop_event()
     target = timed(output)

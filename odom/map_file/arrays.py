@@ -47,6 +47,7 @@ def pack(arrays: Arrays) -> bytes:
 def unpack(content: bytes) -> dict[str, NDArray[Any]]:
     """Return the arrays that were packed, of which one that is not there raises MapError when it is asked for.
 
+    Each has memory of its own and may be written, as those that are measured: loops would be compiled anew for others.
     Raises MapError for bytes that are not what was written.
     """
     try:
@@ -61,7 +62,7 @@ def unpack(content: bytes) -> dict[str, NDArray[Any]]:
             if type_ not in _TYPES:
                 raise MapError(f"an array of type {type_}")
             count = prod(shape)
-            arrays[name] = np.frombuffer(inside, type_, count, at).reshape(shape)
+            arrays[name] = np.frombuffer(inside, type_, count, at).reshape(shape).copy()
             at += count * np.dtype(type_).itemsize
     except (zstandard.ZstdError, struct.error, ValueError, TypeError, MemoryError) as error:
         raise MapError(f"not what was written: {error}") from error

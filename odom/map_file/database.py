@@ -35,7 +35,7 @@ def is_there(path: Path) -> bool:
     """Return whether there is a file that holds anything; an empty one is as good as none."""
     try:
         return path.stat().st_size > 0
-    except FileNotFoundError:
+    except (FileNotFoundError, NotADirectoryError):
         return False
 
 

@@ -14,6 +14,7 @@ import cv2
 import numpy as np
 
 from odom.backend import Odometry, OdometrySettings
+from odom.backend.map import shape_covariance
 from odom.backend.map.pose_graph import Edge, EdgeArrays, optimise
 from odom.backend.mapping import bundle_adjustment, depth_filter
 from odom.backend.tracking import consensus
@@ -204,6 +205,7 @@ def _warm_up_background() -> None:
     surface_alignment.warm_up()
     still = np.tile(np.eye(4), (2, 1, 1))
     optimise(still, np.array([True, False]), EdgeArrays.of([Edge(0, 1, np.eye(4), np.eye(6), True)]))
+    shape_covariance.warm_up()
     nearest(np.zeros((1, 3)), np.zeros((1, 3)), 1)
 
 

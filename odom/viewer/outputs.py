@@ -1,45 +1,27 @@
 """Where the viewer shows: a file, a web page, a window; the last two read from one server in this process."""
 
-import ctypes
-import logging
 import os
-import signal
 import socket
-import subprocess
 import sys
-import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
-from importlib.util import find_spec
 from pathlib import Path
-from tempfile import TemporaryFile
-from typing import IO
 from urllib.parse import quote
 
-import psutil
 import rerun as rr
 
 from odom.errors import ConfigError, OdomError
 from odom.viewer.blueprint import blueprint
+from odom.viewer.rerun_program import RerunProgram, running, this_process_listens
 from odom.viewer.settings import ViewerSettings
-from odom.viewer.usage_data import without_usage_data
 from odom.viewer.written_file import make, told_if_not_whole
 
-_LOG = logging.getLogger(__name__)
 APPLICATION = "rgbd-odom"
 _FLUSH_S = 0.1
 """Between two parcels to Rerun: longer is seen as lag, shorter costs CPU for each."""
-_LISTEN_S = 2.0
-"""For the server to listen on its port, which it does at once; then the port counts as taken."""
-_LISTEN_POLL_S = 0.02
-"""Between two looks whether it does."""
 _LAST_FLUSH_S = 10.0
 """At the end, for what waits to reach the file: a slow disk needs seconds, a hung one is not waited for."""
-_END_S = 5.0
-"""For Rerun's own programs to end when asked, before they are killed."""
-_SET_PARENT_DEATH_SIGNAL = 1
-"""PR_SET_PDEATHSIG of prctl(2)."""
 
 
 @dataclass(frozen=True)
@@ -80,29 +62,16 @@ def has_screen() -> bool:
 
 @dataclass(frozen=True)
 class OpenOutputs:
-    """An open recording, the address of its web page, and the window that shows it with its error output."""
+    """An open recording, the address of its web page, and Rerun's programs that show it."""
 
     recording: rr.RecordingStream
     address: str | None
-    window: subprocess.Popen[bytes] | None
-    errors: IO[bytes] | None = None
+    programs: tuple[RerunProgram, ...]
 
     @property
-    def window_closed(self) -> bool:
-        """Whether the window has been closed by its user; raises OdomError when it could not be shown."""
-        status = None if self.window is None else self.window.poll()
-        if status is not None and status > 0:
-            raise OdomError(
-                f"Rerun's window ended with status {status}: {_last_line(self.errors)}; --web shows it in a browser"
-            )
-        return status is not None
-
-
-def _last_line(errors: IO[bytes] | None) -> str:
-    if errors is None:
-        return "it does not say why"
-    errors.seek(0)
-    return (errors.read().decode(errors="replace").strip().splitlines() or ["it does not say why"])[-1]
+    def closed(self) -> bool:
+        """Whether the window has been closed by its user; raises OdomError when it, or the page, failed."""
+        return any(program.has_ended for program in self.programs)
 
 
 @contextmanager
@@ -117,35 +86,25 @@ def open_outputs(outputs: Outputs, settings: ViewerSettings, name: str) -> Itera
         if outputs.file is not None:
             make(outputs.file, outputs.overwrite)
         with told_if_not_whole(outputs.file):
-            data_port, web_port = _open_sinks(recording, outputs, settings)
+            opened = _open_sinks(recording, outputs, settings, stack)
         recording.send_recording_name(name)
-        data = f"rerun+http://{_reachable(settings.host)}:{data_port}/proxy"
-        address = window = errors = None
-        if outputs.web:
-            stack.enter_context(
-                _child(["--serve-web", "--bind", settings.host, "--web-viewer-port", str(web_port), data])
-            )
-            address = f"http://{_reachable(settings.host)}:{web_port}/?url={quote(data, safe=':/')}"
-        if outputs.desktop:
-            limit = f"{settings.desktop_memory_mib}MiB"
-            arguments = ["--connect", data, "--bind", "127.0.0.1", "--memory-limit", limit, "--hide-welcome-screen"]
-            errors = stack.enter_context(TemporaryFile())
-            window = stack.enter_context(_child(arguments, errors))
-        yield OpenOutputs(recording, address, window, errors)
+        yield opened
         with told_if_not_whole(outputs.file):
             recording.flush(timeout_sec=_LAST_FLUSH_S)
 
 
-def _open_sinks(recording: rr.RecordingStream, outputs: Outputs, settings: ViewerSettings) -> tuple[int, int]:
-    """Open file and server, and return the ports of the data and of the page (0: not served).
+def _open_sinks(
+    recording: rr.RecordingStream, outputs: Outputs, settings: ViewerSettings, stack: ExitStack
+) -> OpenOutputs:
+    """Open file and server, and start what shows the server's data, to be ended by `stack`.
 
-    Another viewer may take a port between its choice and the server's use of it, which Rerun only logs: then another
-    port is tried. Raises OdomError when none can be used.
+    Another viewer may take a port between its choice and its use, which Rerun only logs: then other ports are tried.
+    Raises OdomError when none can be used.
     """
     files = [] if outputs.file is None else [rr.FileSink(outputs.file)]
     if not outputs.served:
         recording.set_sinks(*files, default_blueprint=blueprint())
-        return 0, 0
+        return OpenOutputs(recording, None, ())
     for preferred in (settings.data_port, 0, 0):
         data_port = free_port(settings.host, preferred)
         web_port = free_port(settings.host, settings.web_port, taken=data_port)
@@ -157,20 +116,22 @@ def _open_sinks(recording: rr.RecordingStream, outputs: Outputs, settings: Viewe
             cors_allow_origin=[f"http://{_origin(settings.host)}:{web_port}"],
         )
         recording.set_sinks(*files, server, default_blueprint=blueprint())
-        if _is_listening(data_port):
-            return data_port, web_port
+        if not this_process_listens(data_port):
+            continue
+        data = f"rerun+http://{_reachable(settings.host)}:{data_port}/proxy"
+        address, programs = None, []
+        if outputs.web:
+            arguments = ["--serve-web", "--bind", settings.host, "--web-viewer-port", str(web_port), data]
+            programs.append(stack.enter_context(running("web page", "start the viewer again", arguments)))
+            if not programs[0].comes_to_listen(web_port):
+                continue
+            address = f"http://{_reachable(settings.host)}:{web_port}/?url={quote(data, safe=':/')}"
+        if outputs.desktop:
+            limit = f"{settings.desktop_memory_mib}MiB"
+            arguments = ["--connect", data, "--bind", "127.0.0.1", "--memory-limit", limit, "--hide-welcome-screen"]
+            programs.append(stack.enter_context(running("window", "--web shows it in a browser", arguments)))
+        return OpenOutputs(recording, address, tuple(programs))
     raise OdomError(f"cannot serve on {settings.host}: every port was taken meanwhile; try again")
-
-
-def _is_listening(port: int) -> bool:
-    """Return whether this process listens on the port, or does so soon."""
-    deadline = time.monotonic() + _LISTEN_S
-    while time.monotonic() < deadline:
-        connections = psutil.Process().net_connections("tcp")
-        if any(c.status == psutil.CONN_LISTEN and c.laddr.port == port for c in connections):
-            return True
-        time.sleep(_LISTEN_POLL_S)
-    return False
 
 
 def free_port(host: str, preferred: int, taken: int | None = None) -> int:
@@ -203,37 +164,3 @@ def _reachable(host: str) -> str:
 
 def _origin(host: str) -> str:
     return "*" if host in ("0.0.0.0", "::") else _reachable(host)
-
-
-@contextmanager
-def _child(arguments: Sequence[str], errors: IO[bytes] | None = None) -> Iterator[subprocess.Popen[bytes]]:
-    with without_usage_data() as environment:
-        process = subprocess.Popen(
-            [str(_program()), *arguments],
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.DEVNULL if errors is None else errors,
-            env=environment,
-            preexec_fn=_end_with_parent if sys.platform == "linux" else None,
-        )
-        try:
-            yield process
-        finally:
-            process.terminate()
-            try:
-                process.wait(_END_S)
-            except subprocess.TimeoutExpired:
-                process.kill()
-                process.wait()
-
-
-def _program() -> Path:
-    package = find_spec("rerun_cli")
-    if package is None or package.origin is None:
-        raise OdomError("Rerun's program is missing: reinstall rerun-sdk")
-    return Path(package.origin).with_name("rerun.exe" if sys.platform == "win32" else "rerun")
-
-
-def _end_with_parent() -> None:
-    """Let Linux end the child with its parent, even by kill -9: it would keep the port otherwise."""
-    ctypes.CDLL(None).prctl(_SET_PARENT_DEATH_SIGNAL, signal.SIGTERM)

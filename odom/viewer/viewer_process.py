@@ -67,7 +67,7 @@ def view(
         viewer = Viewer(session, topics, settings, opened.recording)
         viewer.start()
         session.announce(topics.alive_of("viewer"))
-        while not (stop.is_set() or opened.window_closed):
+        while not (stop.is_set() or opened.closed):
             viewer.step(stop.is_set, repeat=outputs.served)
             if not outputs.served and viewer.ended_s is not None and time.monotonic() - viewer.ended_s > _GRACE_S:
                 break

@@ -4,6 +4,7 @@ import json
 import os
 import subprocess
 import sys
+from contextlib import closing
 from pathlib import Path
 
 import made_up_map
@@ -12,6 +13,8 @@ from refused import refusal
 from typer.testing import CliRunner
 
 from odom.cli import app
+from odom.cli.options import check_map
+from odom.map_file.map_file import MapFile
 
 PROJECT = Path(__file__).parents[2]
 RECORDING = PROJECT / "recordings" / "arena.mcap"
@@ -93,3 +96,40 @@ def test_what_cannot_be_opened_is_refused_before_anything_is_touched(words, says
     words = [str(tmp_path / word) if word.endswith(".map") else word for word in words]
     assert says in refusal("run", RECORDING, "--headless", "--out", tmp_path / "out", *words)
     assert {p.name: p.read_bytes() for p in tmp_path.iterdir()} == before
+
+
+@pytest.mark.parametrize(
+    ("name", "says"),
+    [
+        ("busy.map", "is being written by another process"),
+        ("/proc/new.map", "nothing can be written in /proc"),
+        ("results/report.json/new.map", "nothing can be written in"),
+        pytest.param(
+            "others.map",
+            "cannot be written",
+            marks=pytest.mark.skipif(os.geteuid() == 0, reason="root may write every file"),
+        ),
+    ],
+)
+def test_a_map_that_cannot_be_extended_is_refused_before_results_are_moved(name, says, tmp_path):
+    for each in ("busy.map", "others.map"):
+        made_up_map.make(tmp_path / each, 3)
+    (tmp_path / "others.map").chmod(0o444)
+    out = tmp_path / "results"
+    out.mkdir()
+    (out / "report.json").write_text("of the run before")
+    with closing(MapFile(tmp_path / "busy.map", is_written=True)):
+        before = {p: p.read_bytes() for p in tmp_path.rglob("*") if p.is_file()}
+        assert says in refusal("run", RECORDING, "--headless", "--out", out, "--map", tmp_path / name)
+        assert says in refusal("serve", "--out", out, "--map", tmp_path / name)
+        assert {p: p.read_bytes() for p in tmp_path.rglob("*") if p.is_file()} == before
+
+
+def test_a_map_that_is_checked_stays_as_it_was_and_can_be_extended(tmp_path):
+    path = tmp_path / "lab.map"
+    made_up_map.make(path, 3)
+    before = path.read_bytes(), path.stat().st_mtime_ns, set(tmp_path.iterdir())
+    check_map(path, localize=False)
+    check_map(tmp_path / "new" / "lab.map", localize=False)
+    assert (path.read_bytes(), path.stat().st_mtime_ns, set(tmp_path.iterdir())) == before
+    MapFile(path, is_written=True).close()

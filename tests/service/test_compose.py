@@ -1,6 +1,9 @@
 """The container files say what the commands understand: no Docker is needed to see that."""
 
 import json
+import os
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -73,3 +76,17 @@ def test_the_image_copies_what_there_is() -> None:
         if line.startswith("COPY "):
             for source in line.split()[1:-1]:
                 assert (ROOT / source).exists(), source
+
+
+@pytest.mark.long
+@pytest.mark.timeout(600)
+def test_the_image_holds_all_that_is_compiled(tmp_path: Path) -> None:
+    """Otherwise every container would compile again what its first start needs."""
+    lines = (ROOT / "Dockerfile").read_text().replace("\\\n", " ").splitlines()
+    (compiling,) = (line.removeprefix("RUN ") for line in lines if line.startswith("RUN ") and "warm_up" in line)
+    path = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
+    environment = {**os.environ, "PATH": path, "PYTHONPATH": str(ROOT), "NUMBA_CACHE_DIR": str(tmp_path)}
+    subprocess.run(compiling, shell=True, check=True, timeout=580, env=environment)
+    asked = "from odom.geometry.compiled import compiled_before; print(compiled_before())"
+    done = subprocess.run([sys.executable, "-c", asked], capture_output=True, text=True, check=True, env=environment)
+    assert done.stdout.strip() == "True"

@@ -72,6 +72,37 @@ assert before
 print(sorted(compiled() - before))
 """
 
+IN_A_MAP = """
+import sys, tempfile
+from contextlib import closing
+from pathlib import Path
+from odom.backend import Odometry, OdometrySettings
+from odom.map_file.map_file import MapFile
+from odom.service.startup import warm_up
+from odom.wire import Topics
+from drawn import frame
+from sensors.arena import ArenaOptions
+
+warm_up(OdometrySettings(), Topics()).wait()
+before, options, late = compiled(), ArenaOptions(), {}
+with tempfile.TemporaryDirectory() as folder:
+    for session, is_written in [("made", True), ("gone on with", True), ("once more", True), ("localised", False)]:
+        with closing(MapFile(Path(folder) / "room.map", is_written)) as room:
+            odometry = Odometry(options.camera, saved=room.begin(options.camera))
+            states = []
+            for i in range(45):
+                states.append(odometry.process(frame(options, i).rgbd()).state.name)
+                room.put(odometry.take_map_changes())
+            odometry.finish()
+            room.put(odometry.take_map_changes())
+        assert (session != "made") == ("RECOVERED" in states), (session, states)
+        new = compiled() - before
+        if new:
+            late[session] = sorted({name for name, _ in new})
+        before |= new
+print(late)
+"""
+
 
 SOURCES = """
 import sys
@@ -155,6 +186,11 @@ def run(program: str) -> str:
 
 def test_nothing_is_compiled_in_the_midst_of_a_walk():
     assert run(COMPILED) == "[]"
+
+
+def test_nothing_is_compiled_while_a_camera_is_looked_for_in_a_map():
+    """Its first pose would be followed by a stall of a second and more."""
+    assert run(IN_A_MAP) == "{}"
 
 
 def test_nothing_is_compiled_or_imported_late_whatever_images_and_lens_a_source_has():

@@ -9,6 +9,7 @@ import pytest
 
 from odom.viewer import outputs
 from odom.viewer.outputs import Outputs, open_outputs
+from odom.viewer.rerun_program import program
 from odom.viewer.settings import ViewerSettings
 
 
@@ -25,7 +26,7 @@ def test_a_served_page_collects_no_usage_data_and_leaves_the_users_settings_alon
             time.sleep(0.05)
         (child,) = (each for each in psutil.Process().children() if each.name() == "rerun")
         asked = subprocess.run(
-            [outputs._program(), "analytics", "config"],
+            [program(), "analytics", "config"],
             env=child.environ(), capture_output=True, text=True, timeout=30, check=True,
         )  # fmt: skip
     assert '"analytics_enabled": false' in asked.stdout.replace('":false', '": false'), asked.stdout

@@ -10,7 +10,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
 from odom.backend.map.block_inverse import inverse_blocks
-from odom.backend.map.pose_graph import EdgeArrays, Equations
+from odom.backend.map.pose_graph import Edge, EdgeArrays, Equations
 from odom.geometry import se3
 from odom.geometry.arrays import Array, Index
 
@@ -36,6 +36,12 @@ def shape_covariances(T_camera_map: Array, edges: EdgeArrays) -> Array:
     across = with_whole @ swing.transpose(0, 2, 1)
     covariance = own - across - across.transpose(0, 2, 1) + swing @ whole[part] @ swing.transpose(0, 2, 1)
     return np.asarray(0.5 * (covariance + covariance.transpose(0, 2, 1)))
+
+
+def warm_up() -> None:
+    """Compile what `shape_covariances` needs, or load it: it is called when a saved map is opened."""
+    edge = Edge(0, 1, np.eye(4), np.eye(6))
+    shape_covariances(np.tile(np.eye(4), (2, 1, 1)), EdgeArrays.of([edge]))
 
 
 def _swings(T_camera_map: Array, part: Index, parts: int) -> Array:

@@ -32,6 +32,11 @@ def global_ran():
     return run(SMALL, [ROOM.frame(SMALL, k, pose(k * PERIOD * 1e-9)) for k in range(110)])
 
 
+@pytest.fixture(scope="module")
+def upwards_ran():
+    return run(SMALL, rolled(110, -READOUT_S))
+
+
 def error(poses, first, last):
     """The error (6) of the motion between two of the T_fixed_camera `poses`."""
     truth = se3.inverse(pose(first * PERIOD * 1e-9)) @ pose(last * PERIOD * 1e-9)
@@ -63,12 +68,21 @@ def test_the_covariance_since_the_start_allows_for_a_shutter_that_is_not_known(g
     assert np.median(chi2) < 12.6  # chi-squared with 6 degrees of freedom, 95 %
 
 
-def test_rows_that_are_read_upwards_are_found():
-    ran = run(SMALL, rolled(110, -READOUT_S))
+def test_rows_that_are_read_upwards_are_found(upwards_ran):
+    ran = upwards_ran
     check_sanity(ran)
     np.testing.assert_array_less(np.abs(1e3 * ran.timing.vector - (-24.0, -12.0, -24.0)), (3.0, 3.0, 4.0))
     final = [p.T_map_camera for p in ran.final]
     assert max(np.linalg.norm(error(final, first, 100)[:3]) for first in range(0, 110, 3)) < 0.003
+
+
+def test_the_map_becomes_that_of_the_kind_that_is_found_at_once(upwards_ran):
+    estimates = upwards_ran.estimates[:60]  # it is found after a second
+    inliers = np.array([e.inliers for e in estimates[1:]])
+    assert inliers.min() > 0.5 * np.median(inliers)
+    published = [e.T_odom_camera for e in estimates]
+    wrong_m = [np.linalg.norm(error(published, k - 1, k)[:3]) for k in range(1, len(published))]
+    assert np.count_nonzero(np.array(wrong_m) > 0.002) <= 1  # the step to the new map
 
 
 def kinds(readout_s=0.024, sigma_s=0.007):

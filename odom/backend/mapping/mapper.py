@@ -36,7 +36,8 @@ class _Done:
     """What the background has made: an adjustment with its result, new key frames, and the index with their places.
 
     `change` is the change of lens that comes with it, None where the lens stays. `is_whole`: a segment was adjusted as
-    a whole, not only its newest key frames. `shutter` is the kind that is believed now.
+    a whole, not only its newest key frames. `shutter` is the kind that is believed now; where it is another one, the
+    adjustment is by that kind.
     """
 
     adjustment: map_adjustment.Adjustment
@@ -137,12 +138,12 @@ class Mapper:
         trials = [] if is_whole else shutter.trials(self._map, window, sensor)
 
         def work() -> _Done:
-            tried = [trial.run().chi2 for trial in trials]
-            bundle = adjustment.run()
+            believed, its_trial = shutter.tried(trials)
+            adjusted, bundle = its_trial or (adjustment, adjustment.run())
             described = [search.run(index, sensor) for search in searches]
             expect_around(self._map, [r.candidate for one in described for r in one.recognitions if not r.refusal])
             grown = index.grown({d.seen.keyframe: d.place for d in described})
-            return _Done(adjustment, bundle, described, grown, change, is_whole, shutter.after(tried))
+            return _Done(adjusted, bundle, described, grown, change, is_whole, believed)
 
         due_stamp = later(sensor.clock.steady, times * TUNING.background_s)
         self._background.start(count + times * self._settings.background_delay_frames, due_stamp, work)
@@ -177,13 +178,14 @@ class Mapper:
             self.inserter.change_lens(change)
             self.intermediate.change_lens(change)
             sensor = sensor.with_lens(change.after)
-        sensor = self._take_over(adjustment, bundle, sensor, self._credit(sensor))
-        if taken.shutter.beforehand is not self._shutter.beforehand:
+        is_other_kind = taken.shutter.beforehand is not self._shutter.beforehand
+        if is_other_kind:
             sensor = sensor.with_timing_of(taken.shutter.beforehand)
             self.inserter.want_keyframe()
+        sensor = self._take_over(adjustment, bundle, sensor, self._credit(sensor))
         self._shutter = taken.shutter
         carry_newer(self._map, newest, se3.inverse(T_newest_map) @ newest.T_camera_map)
-        if taken.is_whole:
+        if taken.is_whole or is_other_kind:
             refit_newer(self._map, newest, sensor.timing, sensor.depth_tilt.angles)
             self.intermediate.move(adjustment.poses_between(bundle), self._map.keyframes)
         self._map.places.adopt(taken.places)

@@ -1,4 +1,4 @@
-"""Key frames made while older ones were adjusted: they move with those, and are fitted to another lens or tilt."""
+"""Key frames made while older ones were adjusted: they move with those; another lens, tilt or shutter refits them."""
 
 import numpy as np
 
@@ -26,9 +26,10 @@ def carry_newer(map_: Map, newest: Keyframe, T_old_new: Array) -> None:
 def refit_newer(map_: Map, newest: Keyframe, timing: ShutterTiming, tilt: Array) -> None:
     """Fit the key frames that were made after the `newest` adjusted one to the landmarks that older ones made.
 
-    The old lens or tilt has placed them, and those landmarks have moved since. Each key frame starts from its pose
-    relative to the one before it, and stays there where it shares few landmarks; its own landmarks follow. What they
-    measured is already converted to the new lens; it is carried to `timing`, and the `tilt` (2) of depth taken out.
+    The old lens, tilt or kind of shutter has placed them, and those landmarks have moved since. Each key frame starts
+    from its pose relative to the one before it, and stays there where it shares few landmarks; its own landmarks
+    follow. What they measured is already converted to the new lens; it is carried to `timing`, and the `tilt` (2) of
+    depth taken out.
     """
     L, T_old_new = map_.landmarks, np.eye(4)
     newer = _newer(map_, newest)

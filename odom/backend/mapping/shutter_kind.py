@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from odom.backend.map.map import Map
+from odom.backend.mapping.bundle_adjustment import Bundle
 from odom.backend.mapping.map_adjustment import Adjustment, newest
 from odom.backend.mapping.tuning import TUNING
 from odom.frontend.camera.rolling_shutter import ShutterTiming
@@ -40,23 +41,35 @@ class ShutterKind:
 
         `sensor` is what is known by now; none where that leaves no doubt, or where there are no two key frames yet.
         """
-        kinds = self.beforehand, *self.others
-        longest_s = max(abs(kind.timing.readout_s) for kind in kinds)
+        longest_s = max(abs(kind.timing.readout_s) for kind in self._kinds)
         if not self.others or len(map_.keyframes) < 2 or not _is_in_doubt(sensor, longest_s):
             return []
         credit = 1.0 / sensor.noise.covariance_scale
-        return [newest(map_, window, sensor.with_timing_of(kind), credit) for kind in kinds]
+        return [newest(map_, window, sensor.with_timing_of(kind), credit) for kind in self._kinds]
+
+    def tried(self, trials: Sequence[Adjustment]) -> tuple["ShutterKind", tuple[Adjustment, Bundle] | None]:
+        """Run the `trials`; return the kind believed then, and where it is another one, its trial and result."""
+        results = [trial.run() for trial in trials]
+        kind = self.after([result.chi2 for result in results])
+        if kind.beforehand is self.beforehand:
+            return kind, None
+        best = self._kinds.index(kind.beforehand)
+        return kind, (trials[best], results[best])
 
     def after(self, chi2: Sequence[float]) -> "ShutterKind":
         """Return the kind after trials ended with these `chi2`, of the believed one and of each other."""
         if not chi2:
             return self
-        kinds = self.beforehand, *self.others
+        kinds = self._kinds
         best = int(np.argmin(chi2))
         if chi2[0] > chi2[best] + TUNING.shutter_believed_chi2:
             return ShutterKind(kinds[best], (*kinds[:best], *kinds[best + 1 :]))
         refuted = chi2[0] + TUNING.shutter_refuted_chi2
         return ShutterKind(self.beforehand, tuple(kinds[k] for k in range(1, len(kinds)) if chi2[k] < refuted))
+
+    @property
+    def _kinds(self) -> tuple[SensorModel, ...]:
+        return self.beforehand, *self.others
 
 
 def _is_in_doubt(sensor: SensorModel, readout_s: float) -> bool:

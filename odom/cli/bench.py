@@ -136,7 +136,9 @@ def sensitivity(
     with counting("measured", 1 + sum(len(changes(number)) for number in numbers), "values") as progress:
         found = measure_sensitivity(numbers, tasks, jobs, progress, stop.is_set)
     console = Console(width=None if sys.stdout.isatty() else 200)
-    table = Table(title=f"by {factor:g}: {len(found)} of {len(numbers)} numbers", title_justify="left")
+    table = Table(
+        title=f"divided and multiplied by {factor:g}: {len(found)} of {len(numbers)} numbers", title_justify="left"
+    )
     for column in COLUMNS:
         table.add_column(column, overflow="fold")
     for row in cells(found):

@@ -50,7 +50,7 @@ class TunedNumber:
             return self.value
         changed = self.value / self.factor if level is Level.LESS else self.value * self.factor
         if isinstance(self.value, int):
-            changed = max(1, math.floor(changed))
+            changed = max(1, math.floor(changed)) if level is Level.LESS else math.ceil(round(changed, 9))
         return None if changed == self.value else changed
 
 

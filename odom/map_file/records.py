@@ -104,6 +104,7 @@ def details_bytes(number: int, details: SavedDetails) -> bytes:
             "landmark_patch_half": own.patch_half,
             "landmark_seen": own.seen,
             "landmark_tried": own.tried,
+            "landmark_assumed": own.assumed.astype(np.uint8),
         }
     )
 
@@ -125,6 +126,7 @@ def details_of(number: int, content: bytes, place: Place | None) -> SavedDetails
         a["landmark_patch_half"],
         a["landmark_seen"],
         a["landmark_tried"],
+        np.asarray(a.get("landmark_assumed", np.zeros(len(a["landmark_tried"]))), dtype=np.bool_),
     )
     return SavedDetails(timing, a["identities"], _wide(a["uv"]), measurements, landmarks, place)
 

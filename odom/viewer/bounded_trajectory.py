@@ -34,7 +34,7 @@ class BoundedTrajectory:
         self._stride = 1
         self._count = 0
         self._provisional = False  # the last pose is there only for being the newest
-        self._usual_step = 0
+        self._last_steps: tuple[int, ...] = ()
 
     def __len__(self) -> int:
         return self._size
@@ -49,9 +49,11 @@ class BoundedTrajectory:
         newest = self.newest
         if newest is not None and stamp <= newest:
             return False
-        step = 0 if newest is None else stamp - newest
-        begins_strip = bool(self._usual_step) and step > max(_GAP_NS, _USUAL_STEPS * self._usual_step)
-        self._usual_step = self._usual_step if begins_strip else step
+        begins_strip = False
+        if newest is not None:
+            step, usual = stamp - newest, min(self._last_steps, default=0)
+            begins_strip = step > (max(_GAP_NS, _USUAL_STEPS * usual) if usual else RESTART_NS)
+            self._last_steps = (*self._last_steps[-1:], step)
         strip = (self._strips[self._size - 1] + begins_strip) if self._size else 0
         if not self._provisional or begins_strip:
             if self._size == len(self._stamps):
@@ -70,6 +72,8 @@ class BoundedTrajectory:
         """
         if self._size:
             earlier = earlier.take(earlier.stamps < self._stamps[0])
+        else:
+            self._last_steps = tuple(np.diff(earlier.stamps[-3:]).tolist())
         strips = _strips_of(earlier.stamps) - len(earlier)
         every = max(1, -(-len(earlier) // (len(self._stamps) // 2)))
         n = len(earlier.stamps[::every])

@@ -105,6 +105,7 @@ def _open_sinks(
     if not outputs.served:
         recording.set_sinks(*files, default_blueprint=blueprint())
         return OpenOutputs(recording, None, ())
+    reason = "other programs took each port meanwhile"
     for preferred in (settings.data_port, 0, 0):
         data_port = free_port(settings.host, preferred)
         web_port = free_port(settings.host, settings.web_port, taken=data_port)
@@ -124,6 +125,7 @@ def _open_sinks(
             arguments = ["--serve-web", "--bind", settings.host, "--web-viewer-port", str(web_port), data]
             programs.append(stack.enter_context(running("web page", "start the viewer again", arguments)))
             if not programs[0].comes_to_listen(web_port):
+                reason = programs[0].last_line
                 continue
             address = f"http://{_reachable(settings.host)}:{web_port}/?url={quote(data, safe=':/')}"
         if outputs.desktop:
@@ -131,7 +133,7 @@ def _open_sinks(
             arguments = ["--connect", data, "--bind", "127.0.0.1", "--memory-limit", limit, "--hide-welcome-screen"]
             programs.append(stack.enter_context(running("window", "--web shows it in a browser", arguments)))
         return OpenOutputs(recording, address, tuple(programs))
-    raise OdomError(f"cannot serve on {settings.host}: every port was taken meanwhile; try again")
+    raise OdomError(f"cannot serve on {settings.host}: {reason}; start the viewer again")
 
 
 def free_port(host: str, preferred: int, taken: int | None = None) -> int:

@@ -47,7 +47,7 @@ class RerunProgram:
         """Whether it was closed by its user or asked to end; raises OdomError when it ended for another reason."""
         status = self.process.poll()
         if status not in (None, *_ASKED_TO_END):
-            raise OdomError(f"Rerun's {self.part} ended with status {status}: {self._last_line()}; {self.advice}")
+            raise OdomError(f"Rerun's {self.part} ended with status {status}: {self.last_line}; {self.advice}")
         return status is not None
 
     def comes_to_listen(self, port: int) -> bool:
@@ -59,7 +59,9 @@ class RerunProgram:
             time.sleep(_LISTEN_POLL_S)
         return False
 
-    def _last_line(self) -> str:
+    @property
+    def last_line(self) -> str:
+        """What it said last of its errors."""
         self.errors.seek(0)
         return (self.errors.read().decode(errors="replace").strip().splitlines() or ["it does not say why"])[-1]
 

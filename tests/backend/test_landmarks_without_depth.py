@@ -149,6 +149,7 @@ def test_many_whose_depth_was_told_by_steps_that_seemed_too_long_do_not_make_the
         refine_depths(map_, seen_from(rng, points, T, none), T_seeming, EXACT, UPRIGHT)
     rows = np.arange(300)
     assert not map_.landmarks.is_vague(rows).any()
+    assert details_of(map_, 0).landmarks.assumed.all()
     T = se3.exp(np.array([-0.4, 0, 0, 0, 0, 0]))
     matches = LandmarkMatches(rows, uv_of(points), np.zeros((300, 3)), np.full(300, 0.25), rows)
     found, seen = FoundLandmarks.of(blank_view(1), SENSOR, matches, map_.landmarks), measured(rng, points, T, none)

@@ -35,7 +35,7 @@ def landmarks_of(T_room_camera, uv, identity):
     counts = np.arange(len(uv))
     return SavedLandmarks(
         identity, rays / plane[:, :1], np.tile(1e-4 * np.diag([1.0, 2.0, 3.0]), (len(uv), 1, 1)), uv, plane,
-        cut_patches(images.full, uv), cut_patches(images.half, uv / 2.0), counts, counts,
+        cut_patches(images.full, uv), cut_patches(images.half, uv / 2.0), counts, counts, counts % 2 == 0,
     )  # fmt: skip
 
 

@@ -46,6 +46,7 @@ def test_numbers_are_halved_and_doubled_and_whole_ones_stay_whole_and_at_least_o
     assert changes(rounds) == {Level.LESS: 2, Level.MORE: 10}
     assert changes(least) == {Level.MORE: 2}
     assert changes(replace(rounds, factor=10.0)) == {Level.LESS: 1, Level.MORE: 50}
+    assert changes(replace(rounds, factor=1.1)) == {Level.LESS: 4, Level.MORE: 6}
     assert changes(replace(gate, factor=10.0)) == pytest.approx({Level.LESS: 0.6, Level.MORE: 60.0})
     assert all(isinstance(value, int) for value in changes(rounds).values())
 

@@ -94,7 +94,7 @@ def details(described: Image, number: int) -> SavedDetails:
     points = rng.uniform((-1.5, -1.0, 1.0), (1.5, 1.0, 4.0), (OWN, 3))
     landmarks = SavedLandmarks(
         identities[-OWN:], points, np.tile(1e-4 * np.eye(3), (OWN, 1, 1)), rng.random((OWN, 2)), rng.random((OWN, 3)),
-        *patches, np.full(OWN, 5), np.full(OWN, 5),
+        *patches, np.full(OWN, 5), np.full(OWN, 5), np.zeros(OWN, dtype=np.bool_),
     )  # fmt: skip
     return SavedDetails(ShutterTiming(), identities, rng.random((n, 2)), measured, landmarks, place(described, number))
 

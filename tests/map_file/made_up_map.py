@@ -38,7 +38,7 @@ def details(number: int, features: int = 60, day: int = 0) -> SavedDetails:
     covariance = np.tile(1e-4 * np.eye(3), (OWN, 1, 1))
     landmarks = SavedLandmarks(
         identities, rng.normal(size=(OWN, 3)), covariance, rng.random((OWN, 2)), rng.random((OWN, 3)), *patches,
-        counts, counts,
+        counts, counts, counts > 0,
     )  # fmt: skip
     place = Place(
         rng.integers(0, 256, (features, 32), dtype=np.uint8),

@@ -10,6 +10,7 @@ from odom.backend.map.memory import details_of
 from odom.backend.map.saved import MapChanges
 from odom.geometry import se3
 from odom.map_file import records
+from odom.map_file.arrays import pack
 from odom.map_file.map_file import MapFile
 
 
@@ -42,6 +43,13 @@ def test_details_are_the_same_to_the_bit_before_and_after_they_are_on_disk():
     waiting = details_of(map_, 1)
     place = records.place_of(1, records.place_bytes(1, waiting.place))
     assert_same(waiting, records.details_of(1, records.details_bytes(1, waiting), place))
+
+
+def test_landmarks_of_maps_from_before_it_was_noted_count_as_measured(monkeypatch):
+    known = details(1)
+    assert known.landmarks.assumed.all()
+    monkeypatch.setattr(records, "pack", lambda arrays: pack({k: a for k, a in arrays.items() if "assumed" not in k}))
+    assert not records.details_of(1, records.details_bytes(1, known), None).landmarks.assumed.any()
 
 
 def assert_same(one, other):

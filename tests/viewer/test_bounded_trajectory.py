@@ -58,10 +58,27 @@ def test_a_gap_is_never_bridged_by_a_line_and_the_steps_of_slow_streams_are(step
     assert parts[0][-1, 0] < 500 <= parts[1][0, 0]
 
 
-def test_a_lone_pose_between_two_gaps_is_joined_to_neither_side() -> None:
+@pytest.mark.parametrize(
+    ("at_ms", "begun"),
+    [
+        ((0, 33, 66, 9000, 19_000, 19_033), (3, 4)),
+        ((0, 60_000, 60_033, 60_066), (1,)),
+        ((0, 33, 66, 99, 600, 1100, 1600, 2100), (4, 5)),
+        ((0, 2000, 4000), ()),
+    ],
+    ids=["a lone pose between two gaps", "a gap at once", "a stream that slows down", "a slow stream"],
+)
+def test_a_new_strip_begins_behind_each_gap(at_ms: tuple[int, ...], begun: tuple[int, ...]) -> None:
     trail = BoundedTrajectory(64)
-    begun = [trail.add(Stamp(1_000_000 * at_ms), _pose(at_ms)) for at_ms in (0, 33, 66, 9000, 19_000, 19_033)]
-    assert begun == [False, False, False, True, True, False]
+    found = [trail.add(Stamp(1_000_000 * at), _pose(at)) for at in at_ms]
+    assert [i for i, begins_strip in enumerate(found) if begins_strip] == list(begun)
+
+
+def test_a_gap_between_the_history_and_now_is_never_bridged_by_a_line() -> None:
+    trail, stamps = BoundedTrajectory(64), 33_000_000 * np.arange(10)
+    trail.prepend(Trajectory(stamps, np.array([_pose(i) for i in range(10)])))
+    assert not trail.add(Stamp(int(stamps[-1]) + 33_000_000), _pose(10))
+    assert trail.add(Stamp(int(stamps[-1]) + 4_000_000_000), _pose(11))
 
 
 @given(earlier=st.integers(0, 500), later=st.integers(0, 300))

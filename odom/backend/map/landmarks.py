@@ -23,7 +23,7 @@ class Landmarks:
     (number of the key frame it was first seen in), `uv` (2, px) and `plane` (inverse depth and its slope per pixel)
     there, `patch_full`, `patch_half`; `tried` and `seen` count the tracked frames in which it was looked for and
     found, `gone_s` for how long depth has looked through its place; `departed` is True from when it was seen to move
-    until it is found where it was; `assumed` is True where no depth was measured at first; `alive` is False for a row
+    until it is found where it was; `assumed` is True until depth is measured of it; `alive` is False for a row
     that may be used again; `identity` is never used again, so that an old observation of a row can be told from one of
     the new landmark there; `next_identity` is the first unused one.
     """

@@ -73,6 +73,7 @@ def details_of(map_: Map, number: int) -> SavedDetails:
         L.patch_half[rows],
         L.seen[rows],
         L.tried[rows],
+        L.assumed[rows],
     )
     place = map_.places.places.get(number) or _saved_place(map_, number)
     return SavedDetails(
@@ -116,7 +117,7 @@ def recall(map_: Map, numbers: Iterable[int]) -> bool:
             own.patch_half,
             own.identity,
         )
-        L.seen[rows], L.tried[rows] = own.seen, own.tried
+        L.seen[rows], L.tried[rows], L.assumed[rows] = own.seen, own.tried, own.assumed
         keyframe.identities, keyframe.uv, keyframe.timing = found.identities.copy(), found.uv, found.timing
         keyframe.measurements = found.measurements
         keyframe.rows = np.zeros(len(found.identities), dtype=np.int64)

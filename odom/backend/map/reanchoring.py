@@ -48,6 +48,7 @@ def seen_from(landmarks: SavedLandmarks, T_new_old: Array, lens: Lens) -> SavedL
         _warped(kept.patch_half, at_half_size(H)),
         kept.seen,
         kept.tried,
+        kept.assumed,
     )
 
 

@@ -18,7 +18,7 @@ from odom.frontend.camera.sensor_memory import SensorMemory
 from odom.frontend.features.measurement import Measurements
 from odom.frontend.features.place_descriptor import Place
 from odom.frontend.matching.place_block import PlaceBlock
-from odom.geometry.arrays import Array, Index
+from odom.geometry.arrays import Array, Index, Mask
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,6 +49,7 @@ class SavedLandmarks:
     patch_half: NDArray[np.uint8]
     seen: Index
     tried: Index
+    assumed: Mask
 
 
 @dataclass(frozen=True, eq=False)

@@ -23,11 +23,11 @@ def refine_depths(map_: Map, seen: MeasuredLandmarks, T_camera_map: Array, covar
     """Move the landmarks of vague depth that a frame has `seen` along the rays that first showed them.
 
     The frame's pose has the `covariance` (6 x 6, `se3`, camera frame); its depth has the `tilt` (2, rad). Where it was
-    measured in the frame, depth is not assumed any more. Returns of how many landmarks it is still vague before that.
+    measured in the frame, depth is not assumed any more. Returns how many were vague before.
     """
     L = map_.landmarks
-    is_vague, is_shown = L.is_vague(seen.rows), L.assumed.take(seen.rows) & (seen.measurements.values[:, 2] > 0.0)
-    chosen = np.flatnonzero(is_vague | is_shown)
+    is_vague, is_measured = L.is_vague(seen.rows), L.assumed.take(seen.rows) & (seen.measurements.values[:, 2] > 0.0)
+    chosen = np.flatnonzero(is_vague | is_measured)
     if not len(chosen):
         return 0
     rows, measured = seen.rows[chosen], seen.measurements.take(chosen).straight(tilt)
@@ -41,7 +41,7 @@ def refine_depths(map_: Map, seen: MeasuredLandmarks, T_camera_map: Array, covar
         measured.values,
         measured.covariance * np.array([TUNING.parallax_variance] * 3 + [1.0]),
     )
-    L.assumed[seen.rows[is_shown]] = False
+    L.assumed[seen.rows[is_measured]] = False
     return int(np.count_nonzero(is_vague))
 
 

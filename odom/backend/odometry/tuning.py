@@ -11,8 +11,8 @@ class Tuning:
     """Numbers of frames in order: gaps, losses, and what is published."""
 
     longest_gap_s: float = tuned(0.2, unit="s", source=SWEEP,
-        effect="Over a longer gap between frames the camera is not followed. Smaller: it is LOST after two lost "
-        "frames; larger: wrong motions are taken.")
+        effect="Over a longer gap between frames the camera is not followed, nor its motion interpolated. Smaller: it "
+        "is LOST after two lost frames; larger: wrong motions are taken.")
     longest_gap_periods: float = tuned(2.5, unit="periods", source=SWEEP,
         effect="As longest_gap_s, in a slow stream: so many periods count where they are longer.")
     longest_blind_periods: float = tuned(1.5, unit="periods", source="one lost depth image",

@@ -128,7 +128,8 @@ class Tuning:
         effect="So many must be followed between two views before their motion counts as the camera's. Fewer: it "
         "counts by chance; more: the camera is LOST for longer in poor scenes.")
     scene_share: float = tuned(0.5, unit="share of the votes", source="most of them; " + BODIES,
-        effect="A motion needs this share to be the camera's. Smaller: bodies are followed; larger: the camera is LOST "
+        effect="A motion needs this share to be the camera's; a first look is enough if less than half of it is "
+        "against. Smaller: bodies are followed; larger: the camera is LOST "
         "among people.")
     scene_alone: float = tuned(0.8, unit="share of the votes", source=BODIES,
         effect="With this share, if scene_reach holds, a motion is the camera's wherever the rest lies. Smaller: a "
@@ -147,8 +148,8 @@ class Tuning:
         effect="So many are judged together. Fewer: outliers take good ones along; more: limbs and small things go "
         "unseen.")
     departing_within: float = tuned(0.15, unit="share of the distance", source=BODIES,
-        effect="All these neighbours lie within this share. Smaller: somebody who sets off draws the camera along; "
-        "larger: good landmarks are left out where there are few.")
+        effect="All these neighbours lie within this share, as those of a landmark that is gone do. Smaller: somebody "
+        "who sets off draws the camera along; larger: good landmarks are left out where there are few.")
     departing_share: float = tuned(0.35, unit="share of the neighbours", source=BODIES,
         effect="Landmarks are left out where this share used to be found and disagrees now. Smaller: so are good ones; "
         "larger: somebody who sets off draws the camera along.")
@@ -195,8 +196,8 @@ class Tuning:
         effect="A pose whose sigma is larger is UNCERTAIN: a promise to users, without effect on poses.")
     unsure_rad: float = tuned(math.radians(2.0), unit="rad", source="2 degrees", effect="as unsure_m")
     found_again: int = tuned(30, unit="landmarks", source="false recognitions in look-alike rooms of the arena",
-        effect="A place is recognised by so many at least. Fewer: one that looks alike is taken for it; more: places "
-        "are not recognised.")
+        effect="A place is recognised by so many at least, one of a saved map surely by twice as many. Fewer: one that "
+        "looks alike is taken for it; more: places are not recognised.")
     share_in_chain: float = tuned(0.2, unit="share of those looked for", source="as found_again",
         effect="A closure, with which the chain agrees, needs this share. Smaller: there are false ones; larger: true "
         "ones are refused.")

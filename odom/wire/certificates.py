@@ -12,7 +12,7 @@ from cryptography.hazmat.primitives import hashes, serialization
 from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
-from odom.errors import ConfigError, writing
+from odom.errors import ConfigError, writing_to
 from odom.wire.security import grants
 
 _AUTHORITY = "odom authority"
@@ -216,7 +216,7 @@ def _is_there(file: Path) -> bool:
 def _write(file: Path, content: bytes, mode: int = 0o666) -> Path:
     """Write a file, which is whole or as it was."""
     part = file.with_name(f"{file.name}.part")
-    with writing(file):
+    with writing_to(file):
         part.unlink(missing_ok=True)
         try:
             with os.fdopen(os.open(part, os.O_WRONLY | os.O_CREAT | os.O_EXCL, mode), "wb") as opened:

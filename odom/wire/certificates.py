@@ -35,8 +35,8 @@ def make_keys(folder: Path, identities: Iterable[str], hosts: Iterable[str], day
     processes are reached. An existing authority signs the new identities; existing certificates stay as they are, and a
     private key without one gets one. Only their owner may read private keys. No file is ever half written.
     Raises ConfigError, before anything is written, for an identity without a known role, a host that has no such name,
-    a folder that cannot be made, or an authority that is damaged, has expired or lacks its private key; OdomError for
-    a file that cannot be written.
+    a folder that cannot be made, a private key that is damaged, or an authority that is, has expired or lacks its
+    private key; OdomError for a file that cannot be written.
     """
     identities = tuple(identities)
     for identity in identities:
@@ -46,6 +46,9 @@ def make_keys(folder: Path, identities: Iterable[str], hosts: Iterable[str], day
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise ConfigError(f"{folder} is no folder and cannot be made one: {error.strerror}; give another") from error
+    for file in (_file_of(folder, identity) for identity in identities):
+        if not _is_there(file) and _is_there(key_file := file.with_suffix(".key")):
+            _private_key(key_file)  # refuses a damaged one
     written: list[Path] = []
     authority, authority_key = _authority(folder, days, written)
     for identity in identities:
@@ -138,7 +141,7 @@ def _certificate(file: Path) -> x509.Certificate:
 
 def _authority(folder: Path, days: int, written: list[Path]) -> tuple[x509.Certificate, ec.EllipticCurvePrivateKey]:
     file, key_file = folder / "ca.pem", folder / "ca.key"
-    if file.exists():
+    if _is_there(file):
         if not key_file.exists():
             raise ConfigError(f"{key_file} is missing: run this where the authority was made, or give an empty folder")
         certificate = _certificate(file)

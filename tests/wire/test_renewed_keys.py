@@ -48,13 +48,28 @@ def test_a_host_that_is_no_name_is_refused_before_anything_is_written(tmp_path: 
     assert not list(tmp_path.iterdir())
 
 
-@pytest.mark.parametrize("name", ["ca.key", "ca.pem"])
-@pytest.mark.parametrize("content", [b"", b"-----BEGIN PRIVATE KEY-----\nMIG\n-----END PRIVATE KEY-----\n"])
+DAMAGED = b"-----BEGIN PRIVATE KEY-----\nMIG\n-----END PRIVATE KEY-----\n"
+
+
+@pytest.mark.parametrize(("name", "content"), [("ca.key", b""), ("ca.key", DAMAGED), ("ca.pem", DAMAGED)])
 def test_a_damaged_authority_is_refused(tmp_path: Path, name: str, content: bytes) -> None:
     keys(tmp_path, "router")
     (tmp_path / name).write_bytes(content)
     assert f"{name} is damaged" in refusal("keys", tmp_path, "viewer")
     assert not (tmp_path / "viewer.key").exists()
+
+
+def test_a_damaged_key_is_refused_before_anything_is_written(tmp_path: Path) -> None:
+    (tmp_path / "viewer.key").write_bytes(DAMAGED)
+    assert "viewer.key is damaged" in refusal("keys", tmp_path, "router", "viewer")
+    assert [path.name for path in tmp_path.iterdir()] == ["viewer.key"]
+
+
+def test_an_authority_whose_certificate_is_empty_gets_one_by_its_key(tmp_path: Path) -> None:
+    keys(tmp_path, "router")
+    (tmp_path / "ca.pem").write_bytes(b"")
+    assert keys(tmp_path, "router").split() == [str(tmp_path / "ca.pem")]
+    certificate(tmp_path / "router.pem").verify_directly_issued_by(certificate(tmp_path / "ca.pem"))
 
 
 def test_a_file_in_the_place_of_the_folder_is_refused(tmp_path: Path) -> None:

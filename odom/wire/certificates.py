@@ -4,7 +4,7 @@ import datetime
 import ipaddress
 import os
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from pathlib import Path
 
 from cryptography import x509
@@ -13,6 +13,7 @@ from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
 from odom.errors import ConfigError, writing_to
+from odom.wire.expiry import certificates, is_due, longest, validity
 from odom.wire.security import grants
 
 _AUTHORITY = "odom authority"
@@ -22,10 +23,6 @@ _AUTHORITY_LASTS = 10
 """Times that the authority's own certificate is valid for longer than those it signs, so that it can renew them."""
 _CLOCKS_DIFFER = datetime.timedelta(hours=1)
 """How far a host's clock may be behind without refusing a new certificate. Longer does no harm within a rig."""
-_DUE = datetime.timedelta(days=30)
-"""How long before its end a certificate is to be renewed. Longer: more renewals; shorter: less time for all hosts."""
-_DUE_SHARE = 0.1
-"""The same as a share of the time that it is valid for, where that is less: one of a day is not due at once."""
 
 
 def make_keys(folder: Path, identities: Iterable[str], hosts: Iterable[str], days: int) -> tuple[Path, ...]:
@@ -80,44 +77,12 @@ def outdated(folder: Path, identities: Iterable[str], hosts: Iterable[str], days
     `days` (None: any).
     """
     wanted, now = {_alternative(host) for host in hosts}, datetime.datetime.now(datetime.UTC)
-    found = {file: _certificate(file) for file in (_file_of(folder, identity) for identity in identities)}
+    found = {file: certificates(file)[0] for file in (_file_of(folder, identity) for identity in identities)}
     return [
         file
         for file, certificate in found.items()
         if is_due(certificate, now) or not _is_there(file.with_suffix(".key")) or not _is_for(certificate, wanted, days)
     ]
-
-
-def validity(certificate: x509.Certificate, now: datetime.datetime) -> str | None:
-    """Return why a certificate is not valid at the time `now` (with its zone), and what to do; None where it is."""
-    if now < certificate.not_valid_before_utc:
-        begins = f"{certificate.not_valid_before_utc:%Y-%m-%d %H:%M} UTC"
-        return f"is not valid before {begins}; is this computer's clock right?"
-    if now > certificate.not_valid_after_utc:
-        return f"has expired on {certificate.not_valid_after_utc:%Y-%m-%d}; `odom keys` renews it"
-    return None
-
-
-def is_due(certificate: x509.Certificate, now: datetime.datetime) -> bool:
-    """Whether a certificate has expired by the time `now` (with its zone), or will so soon that it is to be renewed."""
-    lasts = certificate.not_valid_after_utc - certificate.not_valid_before_utc
-    return certificate.not_valid_after_utc - now < min(_DUE, _DUE_SHARE * lasts)
-
-
-def check_validity(files: Iterable[Path]) -> None:
-    """Raise ConfigError for a file whose first certificate is damaged or not valid now."""
-    now = datetime.datetime.now(datetime.UTC)
-    for file in files:
-        if fault := validity(_certificate(file), now):
-            raise ConfigError(f"{file} {fault}")
-
-
-def due(files: Iterable[Path]) -> Iterator[str]:
-    """Yield a warning for each file whose first certificate is to be renewed."""
-    now = datetime.datetime.now(datetime.UTC)
-    for file in files:
-        if is_due(certificate := _certificate(file), now):
-            yield f"{file} expires on {certificate.not_valid_after_utc:%Y-%m-%d}; `odom keys` renews it"
 
 
 def _is_for(certificate: x509.Certificate, hosts: set[x509.GeneralName], days: int | None) -> bool:
@@ -130,22 +95,14 @@ def _file_of(folder: Path, identity: str) -> Path:
     return folder / f"{identity.replace('/', '-')}.pem"
 
 
-def _certificate(file: Path) -> x509.Certificate:
-    try:
-        return x509.load_pem_x509_certificate(file.read_bytes())
-    except ValueError as error:
-        raise ConfigError(
-            f"{file} is damaged: copy it from where it is whole, or let `odom keys` make others in an empty folder"
-        ) from error
-
-
 def _authority(folder: Path, days: int, written: list[Path]) -> tuple[x509.Certificate, ec.EllipticCurvePrivateKey]:
     file, key_file = folder / "ca.pem", folder / "ca.key"
     if _is_there(file):
         if not key_file.exists():
             raise ConfigError(f"{key_file} is missing: run this where the authority was made, or give an empty folder")
-        certificate = _certificate(file)
-        if is_due(certificate, now := datetime.datetime.now(datetime.UTC)):
+        now = datetime.datetime.now(datetime.UTC)
+        certificate = longest(certificates(file), now)
+        if is_due(certificate, now):
             ends = f"{certificate.not_valid_after_utc:%Y-%m-%d}"
             raise ConfigError(f"{file} expires on {ends}: delete it to renew it, and give each host the new one")
         if fault := validity(certificate, now):

@@ -147,7 +147,7 @@ def zenoh_config(settings: WireSettings) -> zenoh.Config:
             name = f"wire.zenoh: {path!r}" if path in settings.zenoh else _SETTINGS.get(path, path)
             raise ConfigError(f"{name} cannot be set: {quoted[1] if quoted else reason}") from error
     if settings.security.tls:
-        from odom.wire.certificates import check_validity
+        from odom.wire.expiry import check_validity
 
         check_validity(settings.security.certificates)
     return config
@@ -155,7 +155,7 @@ def zenoh_config(settings: WireSettings) -> zenoh.Config:
 
 def _warn_of_expiry(security: SecuritySettings) -> None:
     if security.tls:
-        from odom.wire.certificates import due
+        from odom.wire.expiry import due
 
         for words in due(security.certificates):
             _LOG.warning("%s", words)

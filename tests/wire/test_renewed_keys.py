@@ -13,7 +13,8 @@ from typer.testing import CliRunner
 from odom.cli import app
 from odom.errors import ConfigError, OdomError
 from odom.wire import WireSettings
-from odom.wire.certificates import check_validity, is_due, make_keys, validity
+from odom.wire.certificates import make_keys
+from odom.wire.expiry import check_validity, is_due, validity
 from odom.wire.security import SecuritySettings
 from odom.wire.session import open_session, zenoh_config
 
@@ -131,6 +132,28 @@ def test_an_expired_authority_is_told_too(expired: Path) -> None:
     (expired / "ca.pem").unlink()
     keys(expired, "viewer")
     certificate(expired / "viewer.pem").verify_directly_issued_by(certificate(expired / "ca.pem"))
+
+
+@pytest.mark.parametrize("order", [1, -1], ids=["old first", "new first"])
+def test_one_valid_certificate_in_the_file_of_authorities_is_enough(
+    tmp_path: Path, order: int, caplog: pytest.LogCaptureFixture
+) -> None:
+    make_keys(tmp_path / "old", [], [], 0)
+    make_keys(tmp_path, ["viewer"], [], 365)
+    both = [folder / "ca.pem" for folder in (tmp_path / "old", tmp_path)][::order]
+    (tmp_path / "ca.pem").write_bytes(b"".join(file.read_bytes() for file in both))
+    with open_session(of(tmp_path, "viewer")):
+        pass
+    assert [record.getMessage() for record in caplog.records if record.levelname == "WARNING"] == []
+    assert "router.pem" in keys(tmp_path, "router")
+
+
+def test_a_file_of_authorities_that_have_all_expired_is_refused(tmp_path: Path) -> None:
+    make_keys(tmp_path, ["viewer"], [], 365)
+    make_keys(tmp_path / "old", [], [], 0)
+    (tmp_path / "ca.pem").write_bytes(2 * (tmp_path / "old" / "ca.pem").read_bytes())
+    with pytest.raises(ConfigError, match=r"ca\.pem has expired on"):
+        zenoh_config(of(tmp_path, "viewer"))
 
 
 def test_a_certificate_that_soon_expires_is_warned_of_and_renewed(

@@ -14,7 +14,7 @@ from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
 from odom.errors import ConfigError, writing_to
 from odom.wire.expiry import certificates, is_due, longest, validity
-from odom.wire.security import grants
+from odom.wire.security import ROLES, grants
 
 _AUTHORITY = "odom authority"
 _LOCAL_HOSTS = ("localhost", "127.0.0.1")
@@ -70,19 +70,28 @@ def make_keys(folder: Path, identities: Iterable[str], hosts: Iterable[str], day
     return tuple(written)
 
 
-def outdated(folder: Path, identities: Iterable[str], hosts: Iterable[str], days: int | None) -> list[Path]:
-    """Return the certificates that are to be renewed.
+def held(folder: Path) -> tuple[str, ...]:
+    """Return the identities whose certificates are in `folder`; raises ConfigError for one that is damaged."""
+    files = (file for file in sorted(folder.glob("*.pem")) if file.stem.partition(".")[0] in ROLES and _is_there(file))
+    names = (certificates(file)[0].subject.get_attributes_for_oid(NameOID.COMMON_NAME) for file in files)
+    return tuple(str(found[0].value) for found in names if found)
+
+
+def outdated(folder: Path, identities: Iterable[str], hosts: Iterable[str], days: int | None) -> dict[str, Path]:
+    """Return the certificates that are to be renewed, by identity.
 
     They have expired or soon will, lack their private key, are not for all `hosts`, or were made for another number of
     `days` (None: any).
     """
     wanted, now = {_alternative(host) for host in hosts}, datetime.datetime.now(datetime.UTC)
-    found = {file: certificates(file)[0] for file in (_file_of(folder, identity) for identity in identities)}
-    return [
-        file
-        for file, certificate in found.items()
-        if is_due(certificate, now) or not _is_there(file.with_suffix(".key")) or not _is_for(certificate, wanted, days)
-    ]
+    files = {identity: _file_of(folder, identity) for identity in identities}
+    return {
+        identity: file
+        for identity, file in files.items()
+        if is_due(certificate := certificates(file)[0], now)
+        or not _is_there(file.with_suffix(".key"))
+        or not _is_for(certificate, wanted, days)
+    }
 
 
 def _is_for(certificate: x509.Certificate, hosts: set[x509.GeneralName], days: int | None) -> bool:

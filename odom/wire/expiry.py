@@ -12,7 +12,7 @@ _DUE = datetime.timedelta(days=30)
 """How long before its end a certificate is to be renewed. Longer: more renewals; shorter: less time for all hosts."""
 _DUE_SHARE = 0.1
 """The same as a share of the time that it is valid for, where that is less: one of a day is not due at once."""
-_RENEWAL = "`odom keys` renews it"
+_RENEWAL = "`odom keys FOLDER` says how to renew it"
 
 
 def certificates(file: Path) -> list[x509.Certificate]:
@@ -31,7 +31,7 @@ def validity(certificate: x509.Certificate, now: datetime.datetime) -> str | Non
         begins = f"{certificate.not_valid_before_utc:%Y-%m-%d %H:%M} UTC"
         return f"is not valid before {begins}; is this computer's clock right?"
     if now > certificate.not_valid_after_utc:
-        return f"has expired on {certificate.not_valid_after_utc:%Y-%m-%d}; {_RENEWAL}"
+        return f"expired on {certificate.not_valid_after_utc:%Y-%m-%d}; {_RENEWAL}"
     return None
 
 

@@ -1,8 +1,12 @@
 """The one family of errors: each says what is wrong and what to do about it."""
 
+import errno
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+
+_NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+"""The disk is full, or what this user may have of it."""
 
 
 class OdomError(Exception):
@@ -38,11 +42,11 @@ class MapError(OdomError):
 
 
 @contextmanager
-def writing(path: Path) -> Iterator[None]:
-    """Raise OdomError naming the file or folder `path` for an OSError of what is written to it meanwhile."""
+def writing_to(path: Path) -> Iterator[None]:
+    """Make the folder of the file `path`, which is written meanwhile; raises OdomError where either cannot be."""
     try:
+        path.parent.mkdir(parents=True, exist_ok=True)
         yield
     except OSError as error:
-        raise OdomError(
-            f"{path} cannot be written: {error.strerror or error}; make room, or choose another place"
-        ) from error
+        advice = "make room, or choose another place" if error.errno in _NO_ROOM else "choose another place"
+        raise OdomError(f"{path} cannot be written: {error.strerror or error}; {advice}") from error

@@ -10,7 +10,8 @@ from odom.cli.bench_physical import physical
 from odom.cli.bench_pipeline import pipeline
 from odom.cli.bench_robustness import robustness
 from odom.cli.options import Calibration, Config
-from odom.cli.outputs import check_files, in_its_folder, write_json
+from odom.cli.outputs import check_files, write_json
+from odom.errors import writing_to
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -75,7 +76,7 @@ def registration(
     if plot is not None:
         from odom.evaluation.paper.figure import plot as draw
 
-        with in_its_folder(plot):
+        with writing_to(plot):
             draw(table, plot)
 
 
@@ -147,7 +148,7 @@ def sensitivity(
     if json_file is not None:
         write_json(json_file, as_json(found), indent=1)
     if markdown_file is not None:
-        with in_its_folder(markdown_file):
+        with writing_to(markdown_file):
             markdown_file.write_text(markdown(found))
 
 

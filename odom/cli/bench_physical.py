@@ -7,7 +7,8 @@ import typer
 
 from odom.cli import signals
 from odom.cli.options import Calibration, Config
-from odom.cli.outputs import check_files, in_its_folder, write_json
+from odom.cli.outputs import check_files, write_json
+from odom.errors import writing_to
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -68,7 +69,7 @@ def _draw(found: "Experiment", folder: Path, path: Path) -> None:
     scene = cv2.imread(str(folder / f"scene-{last}.png"))
     picture = None if scene is None else np.asarray(cv2.cvtColor(scene, cv2.COLOR_BGR2RGB), dtype=np.uint8)
     walks = {name: np.array(part.walk_m).reshape(-1, 3) for name, part in found.parts.items()}
-    with in_its_folder(path):
+    with writing_to(path):
         plot(found.rows, found.parts[last].ellipsoids, picture, walks, path)
 
 

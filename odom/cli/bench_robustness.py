@@ -7,6 +7,7 @@ import typer
 
 from odom.cli import signals
 from odom.cli.options import Calibration, Config, End, out_folder
+from odom.cli.outputs import write_json
 
 
 def robustness(
@@ -27,7 +28,6 @@ def robustness(
 
     Example: odom bench robustness tum_fr1_xyz --axis darkness --axis dropped --out robustness
     """
-    import json
     import sys
 
     from rich.console import Console
@@ -59,10 +59,11 @@ def robustness(
         f"CPU {found.cpu_s / 60:.1f} min"
     )
     if out is not None:
-        from odom.errors import writing
+        from odom.errors import writing_to
         from odom.evaluation.robustness.figure import plot
 
-        with writing(out):
-            (out / "robustness.json").write_text(json.dumps(as_json(found), indent=1) + "\n")
+        write_json(out / "robustness.json", as_json(found), indent=1)
+        with writing_to(out / "table.md"):
             (out / "table.md").write_text(f"{short_markdown(found)}\n{markdown(found)}")
+        with writing_to(out / "robustness.png"):
             plot(found, out / "robustness.png")

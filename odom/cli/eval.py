@@ -59,9 +59,10 @@ def evaluate(
     from functools import partial
     from math import degrees
 
-    from odom.cli.outputs import check_files, in_its_folder, write_json
+    from odom.cli.outputs import check_files, write_json
     from odom.cli.pose_figures import print_pose_figures
     from odom.cli.trajectories import frames_of_run, read_claims, read_estimate, read_truth
+    from odom.errors import writing_to
     from odom.evaluation import EvaluationOptions
     from odom.evaluation.judgement import judge as judged_by
     from odom.evaluation.pose_conventions import notes_of_both
@@ -118,7 +119,7 @@ def evaluate(
     for note in notes:
         print(f"note: {note}")
     if plot:
-        with in_its_folder(plot):
+        with writing_to(plot):
             draw(plot, report, title=estimate.name, remarks=remarks(calibration))
     if json_file:
         write_json(json_file, {**fields, "notes": notes}, indent=2)

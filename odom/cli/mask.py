@@ -7,7 +7,8 @@ import typer
 
 from odom.cli import signals
 from odom.cli.options import Calibration, OwnTopics, SourceName, SourceOption, Start, pairs
-from odom.cli.outputs import check_place, in_its_folder
+from odom.cli.outputs import check_place
+from odom.errors import writing_to
 
 
 def mask(
@@ -52,6 +53,6 @@ def mask(
     if not found.mask.any():
         typer.echo(f"{source}: nothing stays the same wherever the camera goes; no mask is needed, none is written")
         raise typer.Exit(1)
-    with in_its_folder(out):
+    with writing_to(out):
         write_mask(out, found.mask)
     typer.echo(f"{out}: {found.share:.0%} of the image stays the same in {found.looks} looks; give --mask {out}")

@@ -3,13 +3,11 @@
 import json
 import math
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryFile
 from typing import Any
 
-from odom.errors import ConfigError, RecordingError, writing
+from odom.errors import ConfigError, RecordingError, writing_to
 
 
 def timed(output: Path) -> Path:
@@ -77,20 +75,12 @@ def check_place(option: str, output: Path) -> None:
         raise ConfigError(f"{option} {output}: nothing can be written in {folder}; give another place") from error
 
 
-@contextmanager
-def in_its_folder(path: Path) -> Iterator[None]:
-    """Make the folder of a file that is written meanwhile; raises OdomError when either cannot be written."""
-    with writing(path):
-        path.parent.mkdir(parents=True, exist_ok=True)
-        yield
-
-
 def write_json(path: Path, content: Any, indent: int | None = None) -> None:
     """Write figures as JSON, null for one that is not finite: JSON has no NaN, and other programs refuse it.
 
     Raises OdomError when the file cannot be written.
     """
-    with in_its_folder(path):
+    with writing_to(path):
         path.write_text(json.dumps(_finite(content), indent=indent, allow_nan=False) + "\n")
 
 

@@ -26,7 +26,7 @@ class EvaluationOptions:
     `max_gap_s`: truth is interpolated between neighbours at most this far apart; `total_frames`: frames that the
     source had, when it is known and larger than the number of estimated poses.
 
-    Raises InputError for what are no seconds, or no number of frames.
+    Raises InputError for seconds or numbers of frames that are none, or below 0.
     """
 
     max_gap_s: float = 0.1
@@ -35,8 +35,8 @@ class EvaluationOptions:
     def __post_init__(self) -> None:
         if not isinstance(self.max_gap_s, Real) or not self.max_gap_s >= 0.0:
             raise InputError(f"max_gap_s is {self.max_gap_s!r}: give seconds, 0 or more")
-        if not isinstance(self.total_frames, Integral | None):
-            raise InputError(f"total_frames is {self.total_frames!r}: give a number of frames, or None")
+        if not isinstance(self.total_frames, Integral | None) or (self.total_frames or 0) < 0:
+            raise InputError(f"total_frames is {self.total_frames!r}: give a number of frames, 0 or more, or None")
 
 
 @dataclass(frozen=True, eq=False, repr=False)

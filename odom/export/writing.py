@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from odom.errors import OdomError, writing
+from odom.errors import OdomError, writing_to
 from odom.evaluation.files import write_tum
 from odom.evaluation.trajectory import Trajectory
 from odom.export import colmap, mesh, nerfstudio, poses
@@ -46,7 +46,7 @@ class ExportOptions:
 def write_trajectory(folder: Path, form: str, trajectory: Trajectory) -> None:
     """Write a trajectory in the form `tum`, `kitti` or `euroc`; raises OdomError for a file that cannot be written."""
     if form == "tum":
-        with writing(folder / "trajectory.txt"):
+        with writing_to(folder / "trajectory.txt"):
             write_tum(folder / "trajectory.txt", trajectory)
     elif form == "kitti":
         for name, text in zip(("poses.txt", "times.txt"), poses.kitti(trajectory), strict=True):
@@ -56,9 +56,7 @@ def write_trajectory(folder: Path, form: str, trajectory: Trajectory) -> None:
 
 
 def _write(path: Path, content: str | bytes) -> None:
-    """Write a file, with the folders above it."""
-    with writing(path):
-        path.parent.mkdir(parents=True, exist_ok=True)
+    with writing_to(path):
         path.write_bytes(content.encode() if isinstance(content, str) else content)
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from odom.backend.map.saved import SavedKeyframe
-from odom.errors import writing
+from odom.errors import writing_to
 from odom.frame import seconds_text
 from odom.geometry import se3
 from odom.geometry.arrays import Array
@@ -49,7 +49,6 @@ def lines_of(opened: MapFile) -> Iterator[str]:
 def write_files(opened: MapFile, folder: Path) -> Iterator[Path]:
     """Write session-N.txt and landmarks.ply, and yield their paths; raises OdomError when they cannot be written."""
     keyframes = opened.keyframes()
-    folder.mkdir(parents=True, exist_ok=True)
     for session in opened.sessions():
         path, segment, lines = folder / f"session-{session.number}.txt", None, []
         for k in (k for k in keyframes if k.session == session.number):
@@ -58,13 +57,13 @@ def write_files(opened: MapFile, folder: Path) -> Iterator[Path]:
             T = _T_map_keyframe(k) @ k.T_middle_stamp
             values = (*T[:3, 3], *quaternion_from_rotation(T[:3, :3]))
             lines.append(f"{seconds_text(k.stamp)} " + " ".join(f"{value:.9f}" for value in values) + "\n")
-        with writing(path):
+        with writing_to(path):
             path.write_text("".join(lines))
         yield path
     points = [se3.apply(_T_map_keyframe(k), d.landmarks.position) for k in keyframes if (d := opened.fetch(k.number))]
     cloud = np.concatenate([np.zeros((0, 3)), *points]).astype("<f4")
     path = folder / "landmarks.ply"
-    with writing(path):
+    with writing_to(path):
         path.write_bytes(_PLY.format(len(cloud)).encode() + cloud.tobytes())
     yield path
 

@@ -9,7 +9,7 @@ import numpy as np
 from odom.calibration.description import numbers, quality, registration
 from odom.calibration.parameters import SCALE_NUMBER
 from odom.calibration.residual_picture import draw
-from odom.errors import writing
+from odom.errors import writing_to
 from odom.frame import DepthModel
 from odom.service.calibration_run import DIFFERENT_LENS, Outcome
 from sensors.calibration_file import Calibration, calibration_text
@@ -72,11 +72,10 @@ def write_calibration(
     text = list(text)
     content = calibration_text(Calibration(outcome.result.camera, depth_scale), text)
     content += "" if registered is None else registration_text(registered)
-    with writing(yaml_file):
-        yaml_file.parent.mkdir(parents=True, exist_ok=True)
+    with writing_to(yaml_file):
         yaml_file.write_text(content, encoding="utf-8")
-    with writing(report):
+    with writing_to(report):
         report.write_text("\n".join(text) + "\n", encoding="utf-8")
     if outcome.judgement is not None:
-        with writing(picture):
+        with writing_to(picture):
             draw(picture, outcome.survey, outcome.judgement, text[0])

@@ -2,7 +2,7 @@
 
 import json
 import os
-from collections.abc import Hashable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -25,8 +25,9 @@ CONFIG_ENVIRONMENT = "ODOM_CONFIG"
 class _Loader(yaml.SafeLoader):
     """YAML whose names stand once each: of two sections of a name the first would be lost in silence."""
 
-    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Hashable, Any]:
-        """Return the mapping; raises ConfigError for a name that stands twice in it."""
+    def compose_mapping_node(self, anchor: Any) -> yaml.MappingNode:
+        """Return the mapping as it is written; raises ConfigError for a name that stands twice in it."""
+        node = super().compose_mapping_node(anchor)
         seen = set()
         for name, _ in node.value:
             if not isinstance(name, yaml.ScalarNode) or name.tag != self.DEFAULT_SCALAR_TAG:
@@ -35,7 +36,7 @@ class _Loader(yaml.SafeLoader):
                 at = name.start_mark
                 raise ConfigError(f"{at.name}, line {at.line + 1}: {name.value!r:.60} stands twice; join the two")
             seen.add(name.value)
-        return super().construct_mapping(node, deep)
+        return node
 
 
 class _Environment(EnvSettingsSource):

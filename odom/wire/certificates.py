@@ -4,7 +4,7 @@ import datetime
 import ipaddress
 import os
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from pathlib import Path
 
 from cryptography import x509
@@ -12,8 +12,9 @@ from cryptography.hazmat.primitives import hashes, serialization
 from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
-from odom.errors import ConfigError, writing
-from odom.wire.security import grants
+from odom.errors import ConfigError, writing_to
+from odom.wire.expiry import certificates, is_due, longest, validity
+from odom.wire.security import ROLES, grants
 
 _AUTHORITY = "odom authority"
 _LOCAL_HOSTS = ("localhost", "127.0.0.1")
@@ -22,10 +23,6 @@ _AUTHORITY_LASTS = 10
 """Times that the authority's own certificate is valid for longer than those it signs, so that it can renew them."""
 _CLOCKS_DIFFER = datetime.timedelta(hours=1)
 """How far a host's clock may be behind without refusing a new certificate. Longer does no harm within a rig."""
-_DUE = datetime.timedelta(days=30)
-"""How long before its end a certificate is to be renewed. Longer: more renewals; shorter: less time for all hosts."""
-_DUE_SHARE = 0.1
-"""The same as a share of the time that it is valid for, where that is less: one of a day is not due at once."""
 
 
 def make_keys(folder: Path, identities: Iterable[str], hosts: Iterable[str], days: int) -> tuple[Path, ...]:
@@ -35,8 +32,8 @@ def make_keys(folder: Path, identities: Iterable[str], hosts: Iterable[str], day
     processes are reached. An existing authority signs the new identities; existing certificates stay as they are, and a
     private key without one gets one. Only their owner may read private keys. No file is ever half written.
     Raises ConfigError, before anything is written, for an identity without a known role, a host that has no such name,
-    a folder that cannot be made, or an authority that is damaged, has expired or lacks its private key; OdomError for
-    a file that cannot be written.
+    a folder that cannot be made, a private key that is damaged, or an authority that is, has expired or lacks its
+    private key; OdomError for a file that cannot be written.
     """
     identities = tuple(identities)
     for identity in identities:
@@ -46,6 +43,9 @@ def make_keys(folder: Path, identities: Iterable[str], hosts: Iterable[str], day
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise ConfigError(f"{folder} is no folder and cannot be made one: {error.strerror}; give another") from error
+    for file in (_file_of(folder, identity) for identity in identities):
+        if not _is_there(file) and _is_there(key_file := file.with_suffix(".key")):
+            _private_key(key_file)  # refuses a damaged one
     written: list[Path] = []
     authority, authority_key = _authority(folder, days, written)
     for identity in identities:
@@ -70,51 +70,28 @@ def make_keys(folder: Path, identities: Iterable[str], hosts: Iterable[str], day
     return tuple(written)
 
 
-def outdated(folder: Path, identities: Iterable[str], hosts: Iterable[str], days: int | None) -> list[Path]:
-    """Return the certificates that are to be renewed.
+def held(folder: Path) -> tuple[str, ...]:
+    """Return the identities whose certificates are in `folder`; raises ConfigError for one that is damaged."""
+    files = (file for file in sorted(folder.glob("*.pem")) if file.stem.partition(".")[0] in ROLES and _is_there(file))
+    names = (certificates(file)[0].subject.get_attributes_for_oid(NameOID.COMMON_NAME) for file in files)
+    return tuple(str(found[0].value) for found in names if found)
+
+
+def outdated(folder: Path, identities: Iterable[str], hosts: Iterable[str], days: int | None) -> dict[str, Path]:
+    """Return the certificates that are to be renewed, by identity.
 
     They have expired or soon will, lack their private key, are not for all `hosts`, or were made for another number of
     `days` (None: any).
     """
     wanted, now = {_alternative(host) for host in hosts}, datetime.datetime.now(datetime.UTC)
-    found = {file: _certificate(file) for file in (_file_of(folder, identity) for identity in identities)}
-    return [
-        file
-        for file, certificate in found.items()
-        if is_due(certificate, now) or not _is_there(file.with_suffix(".key")) or not _is_for(certificate, wanted, days)
-    ]
-
-
-def validity(certificate: x509.Certificate, now: datetime.datetime) -> str | None:
-    """Return why a certificate is not valid at the time `now` (with its zone), and what to do; None where it is."""
-    if now < certificate.not_valid_before_utc:
-        begins = f"{certificate.not_valid_before_utc:%Y-%m-%d %H:%M} UTC"
-        return f"is not valid before {begins}; is this computer's clock right?"
-    if now > certificate.not_valid_after_utc:
-        return f"has expired on {certificate.not_valid_after_utc:%Y-%m-%d}; `odom keys` renews it"
-    return None
-
-
-def is_due(certificate: x509.Certificate, now: datetime.datetime) -> bool:
-    """Whether a certificate has expired by the time `now` (with its zone), or will so soon that it is to be renewed."""
-    lasts = certificate.not_valid_after_utc - certificate.not_valid_before_utc
-    return certificate.not_valid_after_utc - now < min(_DUE, _DUE_SHARE * lasts)
-
-
-def check_validity(files: Iterable[Path]) -> None:
-    """Raise ConfigError for a file whose first certificate is damaged or not valid now."""
-    now = datetime.datetime.now(datetime.UTC)
-    for file in files:
-        if fault := validity(_certificate(file), now):
-            raise ConfigError(f"{file} {fault}")
-
-
-def due(files: Iterable[Path]) -> Iterator[str]:
-    """Yield a warning for each file whose first certificate is to be renewed."""
-    now = datetime.datetime.now(datetime.UTC)
-    for file in files:
-        if is_due(certificate := _certificate(file), now):
-            yield f"{file} expires on {certificate.not_valid_after_utc:%Y-%m-%d}; `odom keys` renews it"
+    files = {identity: _file_of(folder, identity) for identity in identities}
+    return {
+        identity: file
+        for identity, file in files.items()
+        if is_due(certificate := certificates(file)[0], now)
+        or not _is_there(file.with_suffix(".key"))
+        or not _is_for(certificate, wanted, days)
+    }
 
 
 def _is_for(certificate: x509.Certificate, hosts: set[x509.GeneralName], days: int | None) -> bool:
@@ -127,22 +104,14 @@ def _file_of(folder: Path, identity: str) -> Path:
     return folder / f"{identity.replace('/', '-')}.pem"
 
 
-def _certificate(file: Path) -> x509.Certificate:
-    try:
-        return x509.load_pem_x509_certificate(file.read_bytes())
-    except ValueError as error:
-        raise ConfigError(
-            f"{file} is damaged: copy it from where it is whole, or let `odom keys` make others in an empty folder"
-        ) from error
-
-
 def _authority(folder: Path, days: int, written: list[Path]) -> tuple[x509.Certificate, ec.EllipticCurvePrivateKey]:
     file, key_file = folder / "ca.pem", folder / "ca.key"
-    if file.exists():
+    if _is_there(file):
         if not key_file.exists():
             raise ConfigError(f"{key_file} is missing: run this where the authority was made, or give an empty folder")
-        certificate = _certificate(file)
-        if is_due(certificate, now := datetime.datetime.now(datetime.UTC)):
+        now = datetime.datetime.now(datetime.UTC)
+        certificate = longest(certificates(file), now)
+        if is_due(certificate, now):
             ends = f"{certificate.not_valid_after_utc:%Y-%m-%d}"
             raise ConfigError(f"{file} expires on {ends}: delete it to renew it, and give each host the new one")
         if fault := validity(certificate, now):
@@ -216,7 +185,7 @@ def _is_there(file: Path) -> bool:
 def _write(file: Path, content: bytes, mode: int = 0o666) -> Path:
     """Write a file, which is whole or as it was."""
     part = file.with_name(f"{file.name}.part")
-    with writing(file):
+    with writing_to(file):
         part.unlink(missing_ok=True)
         try:
             with os.fdopen(os.open(part, os.O_WRONLY | os.O_CREAT | os.O_EXCL, mode), "wb") as opened:

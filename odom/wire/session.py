@@ -25,6 +25,8 @@ _ADVICE = {
     " With --tls, the router's log says why it refuses a client.",
 }
 """What to do about Zenoh's reasons, by words that they hold."""
+_SETTINGS = {"connect/endpoints": "wire.connect (--connect)", "listen/endpoints": "wire.listen (--listen)"}
+"""The settings of endpoints, by Zenoh's own names for them."""
 _SOURCE_LINE = re.compile(r" at \S+\.rs:\d+")
 _QUOTED = re.compile(r'"(.*)"')
 """The words for people in what Zenoh raises for a setting."""
@@ -142,9 +144,10 @@ def zenoh_config(settings: WireSettings) -> zenoh.Config:
         except zenoh.ZError as error:
             reason = _SOURCE_LINE.sub("", str(error))
             quoted = _QUOTED.search(reason)
-            raise ConfigError(f"wire.zenoh: {path!r} cannot be set: {quoted[1] if quoted else reason}") from error
+            name = f"wire.zenoh: {path!r}" if path in settings.zenoh else _SETTINGS.get(path, path)
+            raise ConfigError(f"{name} cannot be set: {quoted[1] if quoted else reason}") from error
     if settings.security.tls:
-        from odom.wire.certificates import check_validity
+        from odom.wire.expiry import check_validity
 
         check_validity(settings.security.certificates)
     return config
@@ -152,7 +155,7 @@ def zenoh_config(settings: WireSettings) -> zenoh.Config:
 
 def _warn_of_expiry(security: SecuritySettings) -> None:
     if security.tls:
-        from odom.wire.certificates import due
+        from odom.wire.expiry import due
 
         for words in due(security.certificates):
             _LOG.warning("%s", words)

@@ -117,7 +117,7 @@ def test_what_are_no_options_are_refused(given):
         odom.calibrate(WALK, WALK, given)
 
 
-@pytest.mark.parametrize("frames", ["x", 20.5])
+@pytest.mark.parametrize("frames", ["x", 20.5, -5])
 def test_what_is_no_number_of_frames_is_refused(frames):
     with pytest.raises(odom.InputError, match="total_frames"):
         odom.EvaluationOptions(total_frames=frames)

@@ -93,6 +93,16 @@ def test_a_source_that_is_not_there_is_refused_and_nothing_is_written(tmp_path):
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.parametrize("name", ["robustness.json", "table.md", "robustness.png"])
+def test_a_file_that_cannot_be_written_is_named(tmp_path, monkeypatch, name):
+    monkeypatch.setattr(robustness_bench, "check_source", lambda *source: None)
+    monkeypatch.setattr(robustness_bench, "measure_robustness", lambda *task: outcomes(CALM, WEAK, GONE))
+    (tmp_path / name).mkdir()
+    result = CliRunner().invoke(app, ["bench", "robustness", "walk", "--out", str(tmp_path)])
+    assert isinstance(result.exception, OdomError), result.exception
+    assert str(result.exception).startswith(f"{tmp_path / name} cannot be written")
+
+
 @pytest.fixture
 def in_process(monkeypatch):
     """Runs in this process instead of one of their own: imports and compiled code are loaded once."""

@@ -66,6 +66,20 @@ def test_a_section_may_take_over_another_and_change_it(tmp_path: Path) -> None:
     assert load_settings(file).wire.zenoh["b"] == {"x": 3, "y": 2}
 
 
+def test_a_section_may_take_over_one_that_has_taken_over_another(tmp_path: Path) -> None:
+    file = tmp_path / "odom.yaml"
+    file.write_text(
+        """
+wire:
+  zenoh:
+    usual: &usual {lease: 1000, batch: 2}
+    slow: {link: &slow {<<: *usual, lease: 3000}}
+    slow_too: {<<: *slow}
+"""
+    )
+    assert load_settings(file).wire.zenoh["slow_too"] == {"lease": 3000, "batch": 2}
+
+
 def test_a_file_that_is_set_to_nothing_is_none(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     files = ("certificate", "key", "ca", "password_file", "users_file")
     for name in files:

@@ -13,7 +13,8 @@ from typer.testing import CliRunner
 from odom.cli import app
 from odom.errors import ConfigError, OdomError
 from odom.wire import WireSettings
-from odom.wire.certificates import check_validity, is_due, make_keys, validity
+from odom.wire.certificates import make_keys
+from odom.wire.expiry import check_validity, is_due, validity
 from odom.wire.security import SecuritySettings
 from odom.wire.session import open_session, zenoh_config
 
@@ -48,13 +49,28 @@ def test_a_host_that_is_no_name_is_refused_before_anything_is_written(tmp_path: 
     assert not list(tmp_path.iterdir())
 
 
-@pytest.mark.parametrize("name", ["ca.key", "ca.pem"])
-@pytest.mark.parametrize("content", [b"", b"-----BEGIN PRIVATE KEY-----\nMIG\n-----END PRIVATE KEY-----\n"])
+DAMAGED = b"-----BEGIN PRIVATE KEY-----\nMIG\n-----END PRIVATE KEY-----\n"
+
+
+@pytest.mark.parametrize(("name", "content"), [("ca.key", b""), ("ca.key", DAMAGED), ("ca.pem", DAMAGED)])
 def test_a_damaged_authority_is_refused(tmp_path: Path, name: str, content: bytes) -> None:
     keys(tmp_path, "router")
     (tmp_path / name).write_bytes(content)
     assert f"{name} is damaged" in refusal("keys", tmp_path, "viewer")
     assert not (tmp_path / "viewer.key").exists()
+
+
+def test_a_damaged_key_is_refused_before_anything_is_written(tmp_path: Path) -> None:
+    (tmp_path / "viewer.key").write_bytes(DAMAGED)
+    assert "viewer.key is damaged" in refusal("keys", tmp_path, "router", "viewer")
+    assert [path.name for path in tmp_path.iterdir()] == ["viewer.key"]
+
+
+def test_an_authority_whose_certificate_is_empty_gets_one_by_its_key(tmp_path: Path) -> None:
+    keys(tmp_path, "router")
+    (tmp_path / "ca.pem").write_bytes(b"")
+    assert keys(tmp_path, "router").split() == [str(tmp_path / "ca.pem")]
+    certificate(tmp_path / "router.pem").verify_directly_issued_by(certificate(tmp_path / "ca.pem"))
 
 
 def test_a_file_in_the_place_of_the_folder_is_refused(tmp_path: Path) -> None:
@@ -83,7 +99,7 @@ def test_a_certificate_is_valid_between_its_two_times_and_due_in_its_last_days(t
     assert "clock" in (validity(known, begin - day) or "")
     for now in (begin, begin + 100 * day, end):
         assert validity(known, now) is None
-    assert f"has expired on {end:%Y-%m-%d}; `odom keys` renews it" == validity(known, end + day)
+    assert f"expired on {end:%Y-%m-%d}; `odom keys FOLDER` says how to renew it" == validity(known, end + day)
     assert [is_due(known, end - left * day) for left in (31, 29, -1)] == [False, True, True]
 
 
@@ -102,7 +118,7 @@ def expired(tmp_path: Path) -> Path:
 
 
 def test_a_process_whose_certificate_has_expired_says_so_and_does_not_start(expired: Path) -> None:
-    with pytest.raises(ConfigError, match=r"router\.pem has expired on .*`odom keys` renews it"):
+    with pytest.raises(ConfigError, match=r"router\.pem expired on .*`odom keys FOLDER` says how to renew it"):
         zenoh_config(of(expired, "router"))
     check_validity(of(expired, "viewer").security.certificates)
 
@@ -110,12 +126,34 @@ def test_a_process_whose_certificate_has_expired_says_so_and_does_not_start(expi
 def test_an_expired_authority_is_told_too(expired: Path) -> None:
     (expired / "ca.pem").unlink()
     make_keys(expired, [], [], 0)
-    with pytest.raises(ConfigError, match=r"ca\.pem has expired on"):
+    with pytest.raises(ConfigError, match=r"ca\.pem expired on"):
         zenoh_config(of(expired, "viewer"))
     assert "delete it to renew it" in refusal("keys", expired, "viewer")
     (expired / "ca.pem").unlink()
     keys(expired, "viewer")
     certificate(expired / "viewer.pem").verify_directly_issued_by(certificate(expired / "ca.pem"))
+
+
+@pytest.mark.parametrize("order", [1, -1], ids=["old first", "new first"])
+def test_one_valid_certificate_in_the_file_of_authorities_is_enough(
+    tmp_path: Path, order: int, caplog: pytest.LogCaptureFixture
+) -> None:
+    make_keys(tmp_path / "old", [], [], 0)
+    make_keys(tmp_path, ["viewer"], [], 365)
+    both = [folder / "ca.pem" for folder in (tmp_path / "old", tmp_path)][::order]
+    (tmp_path / "ca.pem").write_bytes(b"".join(file.read_bytes() for file in both))
+    with open_session(of(tmp_path, "viewer")):
+        pass
+    assert [record.getMessage() for record in caplog.records if record.levelname == "WARNING"] == []
+    assert "router.pem" in keys(tmp_path, "router")
+
+
+def test_a_file_of_authorities_that_have_all_expired_is_refused(tmp_path: Path) -> None:
+    make_keys(tmp_path, ["viewer"], [], 365)
+    make_keys(tmp_path / "old", [], [], 0)
+    (tmp_path / "ca.pem").write_bytes(2 * (tmp_path / "old" / "ca.pem").read_bytes())
+    with pytest.raises(ConfigError, match=r"ca\.pem expired on"):
+        zenoh_config(of(tmp_path, "viewer"))
 
 
 def test_a_certificate_that_soon_expires_is_warned_of_and_renewed(
@@ -129,7 +167,7 @@ def test_a_certificate_that_soon_expires_is_warned_of_and_renewed(
             pass
     ends = certificate(tmp_path / "viewer.pem").not_valid_after_utc
     assert [record.getMessage() for record in caplog.records if record.levelname == "WARNING"] == [
-        f"{tmp_path / 'viewer.pem'} expires on {ends:%Y-%m-%d}; `odom keys` renews it"
+        f"{tmp_path / 'viewer.pem'} expires on {ends:%Y-%m-%d}; `odom keys FOLDER` says how to renew it"
     ]
     assert "delete viewer.pem and viewer.key to renew" in keys(tmp_path, "router", "viewer")
 
@@ -141,6 +179,28 @@ def test_expired_certificates_are_named_with_what_to_do(expired: Path) -> None:
     keys(expired, "router", "viewer")
     assert "already holds" in keys(expired, "router", "viewer")
     zenoh_config(of(expired, "router"))
+
+
+def test_without_identities_all_of_a_folder_are_looked_at_and_none_is_made(expired: Path) -> None:
+    make_keys(expired, ["sensor.lab/cam1"], [], 0)
+    before = sorted(expired.iterdir())
+    told = keys(expired)
+    assert "delete router.pem and router.key, sensor.lab-cam1.pem and sensor.lab-cam1.key to renew" in told
+    assert f"`odom keys {expired} router sensor.lab/cam1`" in told
+    assert sorted(expired.iterdir()) == before
+    for name in ("router", "sensor.lab-cam1"):
+        (expired / f"{name}.pem").unlink()
+        (expired / f"{name}.key").unlink()
+    keys(expired, "router", "sensor.lab/cam1")
+    assert "already holds the certificates of router, sensor.lab/cam1, viewer" in keys(expired)
+    assert sorted(expired.iterdir()) == before
+
+
+def test_without_identities_a_folder_without_any_gets_those_of_a_rig(tmp_path: Path) -> None:
+    keys(tmp_path / "new")
+    names = {path.name for path in (tmp_path / "new").iterdir()}
+    rig = ("ca", "router", "sensor.cam0", "odometry.cam0", "recorder", "viewer", "mocap")
+    assert names == {f"{name}.{kind}" for name in rig for kind in ("pem", "key")}
 
 
 @pytest.mark.parametrize("content", [None, b""])

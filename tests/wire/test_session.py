@@ -22,7 +22,7 @@ from odom.wire import Topics, WireSettings
 from odom.wire.codec import encode_text
 from odom.wire.codec.cdr import POINT_CLOUD
 from odom.wire.malformed_counter import MalformedCounter
-from odom.wire.session import WireSession, _check_endpoints, open_session
+from odom.wire.session import WireSession, _check_endpoints, open_session, zenoh_config
 from odom.wire.settings import ANY_LOCAL_PORT
 from odom.wire.subscriber import Subscriber
 
@@ -186,6 +186,13 @@ def test_what_zenoh_does_not_take_is_named(path: str, value: int | str) -> None:
     settings = WireSettings(connect=(), listen=(), zenoh={path: value})
     with pytest.raises(ConfigError, match=f"wire.zenoh: '{path}' cannot be set: [a-z ]+$"), open_session(settings):
         pass
+
+
+@pytest.mark.parametrize("setting", ["connect", "listen"])
+def test_an_endpoint_that_zenoh_does_not_take_is_named_with_its_own_setting(setting: str) -> None:
+    settings = WireSettings(**{"connect": (), "listen": (), setting: ("udp/rig:1?",)})  # type: ignore[arg-type]
+    with pytest.raises(ConfigError, match=rf"^wire\.{setting} \(--{setting}\) cannot be set: .*udp/rig:1\?"):
+        zenoh_config(settings)
 
 
 @pytest.mark.parametrize("where", ["tcp/[::1]:7447", "tls/rig.local:7447#iface=eth0", "udp/1.2.3.4:1?rel=0", "vsock/1"])

@@ -157,6 +157,17 @@ def test_a_prior_without_covariance_is_only_where_to_begin(estimator, rng):
     np.testing.assert_allclose(one.T_target_source, other.T_target_source, atol=1e-5)
 
 
+def test_where_to_begin_does_not_matter_to_a_noisy_source_under_the_norm_bound(rng):
+    """What allows for the source's noise needs the rotation, though the bound of S_k does not."""
+    sigma, T = np.array([0.002, 0.002, 0.013]), exp(np.array([0.1, 0.0, 0.2, 0.0, np.pi / 6, 0.0]))
+    q, C = rng.uniform(-0.2, 0.2, (5000, 3)), np.tile(np.diag(sigma**2), (5000, 1, 1))
+    noise = sigma * rng.normal(size=(2, 5000, 3))
+    pairs = Pairs(q + noise[0], apply(T, q) + noise[1], C, C)
+    near, far = (robust(pairs, Prior(start), alpha=1.0, adaptive=False) for start in (T, np.eye(4)))
+    off = log(inverse(near.T_target_source) @ far.T_target_source)
+    assert off @ np.linalg.solve(near.covariance, off) < 0.01
+
+
 def streamed(pairs):
     state = RecursiveFilter()
     for k in range(0, len(pairs), 500):

@@ -17,17 +17,17 @@ _ROUNDING = 1e-6
 rounding ever makes."""
 
 
-def _copied(name: str, value: Array | None) -> Array:
+def _copied(name_is: str, value: Array | None) -> Array:
     if np.ma.isMaskedArray(value):
-        raise InputError(f"{name} are a masked array: leave out what is masked, and give a plain one of the rest")
+        raise InputError(f"{name_is} a masked array: leave the masked pairs out, or give a plain one, `.filled(...)`")
     try:
         return np.array(value, dtype=np.float64, order="C")
     except (TypeError, ValueError) as error:
-        raise InputError(f"{name} are no array of numbers ({error}): give one of numpy") from error
+        raise InputError(f"{name_is} no array of numbers ({error}): give one of numpy") from error
 
 
 def _points(name: str, value: Array | None, n: int | None = None) -> Array:
-    points = _copied(name, value)
+    points = _copied(f"{name} are", value)
     if points.ndim != 2 or points.shape[1] != 3 or (n is not None and len(points) != n):
         raise InputError(f"{name} have shape {points.shape}: give {'n' if n is None else n} x 3 metres")
     return points
@@ -51,7 +51,7 @@ def _first_uneven(covariances: Array) -> int:
 def _covariances(name: str, value: Array | None, n: int) -> Array | None:
     if value is None:
         return None
-    covariances = _copied(name, value)
+    covariances = _copied(f"{name} are", value)
     if covariances.shape == (n, 3, 3):
         if (wrong := _first_uneven(covariances)) >= 0:
             raise InputError(f"{name}: that of pair {wrong} is not finite and symmetric; leave the pair out")
@@ -90,7 +90,7 @@ class Pairs:
             name = f"covariances_{side}"
             object.__setattr__(self, name, _covariances(f"{side} covariances", getattr(self, name), n))
         if self.weights is not None:
-            weights = _copied("weights", self.weights)
+            weights = _copied("weights are", self.weights)
             if weights.shape != (n,):
                 raise InputError(f"weights have shape {weights.shape}: give {n}")
             object.__setattr__(self, "weights", weights)
@@ -149,7 +149,7 @@ class Prior:
     __repr__ = brief
 
     def __post_init__(self) -> None:
-        T = _copied("the prior's numbers", self.T_target_source)
+        T = _copied("the prior's T_target_source is", self.T_target_source)
         if T.shape != (4, 4) or not _is_rigid(T):
             if T.shape == (4, 4) and _is_rigid(T.T.copy()):
                 raise InputError("the prior is transposed: give the translation in its last column, the matrix's .T")
@@ -157,7 +157,7 @@ class Prior:
             raise InputError(f"the prior is not a rigid motion: give {needs}")
         object.__setattr__(self, "T_target_source", T)
         if self.covariance is not None:
-            P = _copied("the covariance's numbers", self.covariance)
+            P = _copied("the prior's covariance is", self.covariance)
             if P.shape != (6, 6) or not np.isfinite(P).all() or np.linalg.eigvalsh(P)[0] <= 0.0:
                 raise InputError("the prior's covariance is not a positive 6 x 6 matrix: give one, or None for a hint")
             if not np.abs(P - P.T).max() <= _ROUNDING * np.abs(P).max():

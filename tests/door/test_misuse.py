@@ -1,5 +1,7 @@
 """Wrong calls are refused, and the refusal says what to do."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -194,6 +196,20 @@ def test_pairs_that_cannot_be_registered_are_refused(arguments, advice):
     with pytest.raises(odom.InputError) as refusal:
         odom.register(odom.Pairs(*arguments))
     assert advice in str(refusal.value)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ((np.ma.masked_equal(np.eye(4), 0.0),), "the prior's T_target_source is a masked array: "),
+        ((np.eye(4), np.ma.masked_equal(np.eye(6), 0.0)), "the prior's covariance is a masked array: "),
+        (("here",), "the prior's T_target_source is no array of numbers"),
+        ((np.eye(4), "sure"), "the prior's covariance is no array of numbers"),
+    ],
+)
+def test_a_prior_that_is_no_plain_array_is_told_by_its_name(arguments, words):
+    with pytest.raises(odom.InputError, match=re.escape(words)):
+        odom.Prior(*arguments)
 
 
 def test_points_that_are_no_pairs_are_refused():

@@ -120,3 +120,17 @@ def test_the_inverse_right_jacobian_is_the_slope_of_the_logarithm(xi, size):
     compiled_se3.inverse_right_jacobian(xi, J)
     slopes = [(log(exp(xi) @ exp(step * e)) - log(exp(xi) @ exp(-step * e))) / (2.0 * step) for e in np.eye(6)]
     np.testing.assert_allclose(J, np.transpose(slopes), atol=1e-7)
+
+
+@pytest.mark.parametrize("times_stated", [0.5, 2.0])
+def test_noise_that_is_not_as_stated_is_none_of_the_priors(times_stated):
+    nees, sigma = [], np.array([0.005] * 6)
+    for seed in range(100):
+        rng = np.random.default_rng(seed)
+        q, T = rng.uniform(-0.5, 0.5, (200, 3)) + np.array([0.0, 0.0, 2.0]), exp(rng.normal(0.0, 0.2, 6))
+        C, noise = np.full((200, 3), 1e-4), times_stated * rng.normal(0.0, 0.01, (2, 200, 3))
+        prior = Prior(T @ exp(sigma * rng.normal(size=6)), np.diag(sigma**2))
+        result = robust(Pairs(q + noise[0], apply(T, q) + noise[1], C, C), prior)
+        off = log(inverse(result.T_target_source) @ T)
+        nees.append(off @ np.linalg.solve(result.covariance, off))
+    assert np.mean(nees) == pytest.approx(6.0, abs=0.9)

@@ -62,7 +62,7 @@ def test_without_any_prior_one_by_one_is_nearly_as_good(rng):
     assert step @ np.linalg.solve(found.covariance, step) < 1.0
 
 
-@pytest.mark.parametrize("blocks", [1, 4])
+@pytest.mark.parametrize("blocks", [1, 4, 200, 400])
 def test_without_any_prior_the_first_pairs_are_linearised_near_their_own_motion(blocks):
     nees = []
     for seed in range(60):
@@ -183,3 +183,11 @@ def test_the_noise_of_pairs_of_weight_zero_is_not_that_of_the_centroids(rng):
     weighted = Pairs(pairs.points_source, pairs.points_target, C_source, C_target, weights)
     start = RecursiveFilter(Prior(T), Centroids(alone.points_source.mean(axis=0), alone.points_target.mean(axis=0)))
     same(start.absorb(weighted).estimate(), start.absorb(alone).estimate())
+
+
+@pytest.mark.parametrize("n", [1, 3])
+def test_a_covariance_of_the_source_that_is_none_is_refused_however_few_the_pairs(n, rng):
+    _, pairs = noisy_pairs(rng, n)
+    wrong = np.tile(np.diag([1e-4, 1e-4, -1e-2]), (n, 1, 1))
+    with pytest.raises(InputError, match="positive definite"):
+        RecursiveFilter().absorb(Pairs(pairs.points_source, pairs.points_target, wrong, pairs.covariances_target))

@@ -2,12 +2,14 @@
 
 import math
 
+import numpy as np
+
 from odom.registration.checked_arrays import Arrays, checked
 from odom.registration.pairs import Pairs, Prior, Registration
 from odom.registration.paper.axis_bias import bias_information, possible_biases, source_noise, unbiased
 from odom.registration.paper.hinfinity import affine_misfit, check_settings, discount
 from odom.registration.paper.kalman_filter import solve_ungated, too_few
-from odom.registration.paper.noise_adaptation import CovarianceVerdict, adapt, judge_covariances
+from odom.registration.paper.noise_adaptation import CovarianceVerdict, adapt, judge_covariances, with_noise
 from odom.registration.paper.tuning import TUNING
 from odom.registration.result import NoiseScale, registration_of
 from odom.registration.solution import Solution, solve
@@ -87,7 +89,10 @@ def _noise_learnt(
             return solution, noise
         case CovarianceVerdict.SCALED:
             factor = solution.variance_factor
-            return solution, noise._replace(inflation=factor, details={**noise.details, "factor": factor})
+            scaled = with_noise(arrays, factor, np.zeros(3))
+            again = solve(scaled, prior, solution.T, solution.weights, alpha=noise.details["alpha"])
+            chi2 = factor * again.chi2  # still against what was stated
+            return again._replace(chi2=chi2), noise._replace(details={**noise.details, "factor": factor})
         case CovarianceVerdict.WRONG:
             learnt = adapt(arrays, prior, solution)
             found = {"alpha": 0.0, "factor": learnt.factor, "nu": learnt.nu, "added": float(learnt.added.mean())}

@@ -46,7 +46,8 @@ class RecursiveFilter:
     `prior` is a motion prediction: where S_k is linearised and, with a covariance, evidence. `centroids` makes it the
     rotation-only filter of the paper's nine states, which takes no such evidence. `theta` = 1 / gamma (0: Kalman),
     `alpha` > 0 the norm-bounded form of the source's noise, else its second moment. Without a prior S_k is linearised
-    at the estimate so far, first at Horn's motion of the pairs at hand, so filters to be merged should share a prior.
+    at the estimate so far, first at Horn's motion of the pairs at hand (of fewer than 3 the source counts as noisy
+    along all axes as along its worst), so filters to be merged should share a prior.
     Of the `count` pairs seen so far, `A` (6 x 10) and `y` (12) hold the sums (see `accumulate`), `summed_noise` (3 x 3,
     m^2) that of S_k, `spread` (4 x 4) that of h h' with h = [q 1], each over the mean variance of S_k. Raises
     InputError for settings that make no filter.
@@ -94,6 +95,8 @@ class RecursiveFilter:
         W = np.empty((len(arrays.q), 8))
         is_first = self.prior is None and self.states is None
         R = horn_start(arrays) if is_first else self._linearised_at()
+        if is_first and len(arrays.q) < 3 and len(arrays.Sq):
+            arrays = arrays._replace(Sq=np.linalg.eigvalsh(arrays.Sq)[:, -1, None, None] * np.eye(3))
         bad = precisions(arrays.Sq, arrays.Sp, R, self.alpha, W)
         if bad >= 0:
             raise bad_covariance(bad)

@@ -6,7 +6,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from importlib.util import find_spec
@@ -51,13 +51,8 @@ class RerunProgram:
         return status is not None
 
     def comes_to_listen(self, port: int) -> bool:
-        """Wait until it listens on the port; False when it ends before."""
-        deadline = time.monotonic() + _START_S
-        while self.process.poll() is None and time.monotonic() < deadline:
-            if _listens(self.process.pid, port):
-                return True
-            time.sleep(_LISTEN_POLL_S)
-        return False
+        """Wait until it listens on the port; False when it ends before, or is too slow."""
+        return _comes_to_listen(self.process.pid, port, _START_S, lambda: self.process.poll() is not None)
 
     @property
     def last_line(self) -> str:
@@ -68,9 +63,13 @@ class RerunProgram:
 
 def this_process_listens(port: int) -> bool:
     """Return whether this process listens on the port, or does so soon."""
-    deadline = time.monotonic() + _LISTEN_S
-    while time.monotonic() < deadline:
-        if _listens(os.getpid(), port):
+    return _comes_to_listen(os.getpid(), port, _LISTEN_S, lambda: False)
+
+
+def _comes_to_listen(pid: int, port: int, within_s: float, has_ended: Callable[[], bool]) -> bool:
+    deadline = time.monotonic() + within_s
+    while time.monotonic() < deadline and not has_ended():
+        if _listens(pid, port):
             return True
         time.sleep(_LISTEN_POLL_S)
     return False

@@ -4,6 +4,7 @@ import errno
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from types import UnionType
 
 _NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 """The disk is full, or what this user may have of it."""
@@ -39,6 +40,14 @@ class DeviceError(SourceError):
 
 class MapError(OdomError):
     """A map file is damaged, made by a newer version, of another camera, or in use."""
+
+
+def check_type(
+    name: str, value: object, kind: type | UnionType, instead: str, error: type[OdomError] = InputError
+) -> None:
+    """Raise `error` for an argument `name` that is not of this `kind`, and say what to give `instead`."""
+    if not isinstance(value, kind):
+        raise error(f"{type(value).__name__} given as {name}: give {instead}")
 
 
 @contextmanager

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from odom.errors import InputError
+from odom.errors import InputError, check_type
 from odom.evaluation.clock_offset import WEAK_CORRELATION, ClockOffset, clock_offset
 from odom.evaluation.hand_eye import MINIMUM, HandEye
 from odom.evaluation.smoothing import smooth
@@ -94,8 +94,7 @@ def calibrate(estimate: Trajectory, truth: Trajectory, options: CalibrationOptio
     Of either in several segments the longest is taken. Raises InputError when too few poses match in time, none of the
     two moves at all, or one is no rigid motion.
     """
-    if not isinstance(options, CalibrationOptions | None):
-        raise InputError(f"{type(options).__name__} given as options: give CalibrationOptions(offset_s=...), or None")
+    check_type("options", options, CalibrationOptions | None, "CalibrationOptions(offset_s=...), or None")
     options = options or CalibrationOptions()
     for name, given in (("estimate", estimate), ("truth", truth)):
         check(name, given)

@@ -5,7 +5,7 @@ from numbers import Integral, Real
 
 import numpy as np
 
-from odom.errors import InputError
+from odom.errors import InputError, check_type
 from odom.evaluation import metrics
 from odom.evaluation.alignment import Alignment, align
 from odom.evaluation.metrics import RelativeError
@@ -68,8 +68,7 @@ def evaluate(estimate: Trajectory, truth: Trajectory, options: EvaluationOptions
     (see `pairs_of_neighbours`). Raises InputError when fewer than three poses can be matched in time, or one is no
     rigid motion.
     """
-    if not isinstance(options, EvaluationOptions | None):
-        raise InputError(f"{type(options).__name__} given as options: give EvaluationOptions(max_gap_s=...), or None")
+    check_type("options", options, EvaluationOptions | None, "EvaluationOptions(max_gap_s=...), or None")
     options = options or EvaluationOptions()
     for name, given in (("estimate", estimate), ("truth", truth)):
         check(name, given)

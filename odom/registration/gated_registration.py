@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from odom.errors import InputError
+from odom.errors import InputError, check_type
 from odom.registration.checked_arrays import checked
 from odom.registration.gate import BOUND, gate
 from odom.registration.pairs import Pairs, Prior, Registration, degenerate
@@ -29,8 +29,7 @@ def register(pairs: Pairs, prior: Prior | None = None, *, bound: float = BOUND) 
     if not 0.0 < bound < math.inf:
         raise InputError(f"bound = {bound}: give a finite, positive number of squared sigmas, as {BOUND} is")
     arrays = checked(pairs)
-    if not isinstance(prior, Prior | None):
-        raise InputError(f"{type(prior).__name__} given as prior: give Prior(T_target_source), or None")
+    check_type("prior", prior, Prior | None, "Prior(T_target_source), or None")
     n = len(arrays.q)
     if n < 3:
         return degenerate(n, f"{n} pairs: at least 3 are needed")

@@ -2,7 +2,7 @@
 
 from odom.backend.map.frame_log import FrameLog
 from odom.backend.odometry.tuning import TUNING
-from odom.errors import InputError
+from odom.errors import InputError, check_type
 from odom.frame import Camera, RgbdFrame
 
 _SHORTEST_PERIOD_S = 1e-4
@@ -19,8 +19,7 @@ class FrameOrder:
 
     def check(self, frame: RgbdFrame, camera: Camera, log: FrameLog) -> None:
         """Raise InputError for what is no frame, or one that cannot follow the last one of the log."""
-        if not isinstance(frame, RgbdFrame):
-            raise InputError(f"{type(frame).__name__} given as frame: give odom.RgbdFrame(sequence, stamp, color, ...)")
+        check_type("frame", frame, RgbdFrame, "odom.RgbdFrame(sequence, stamp, color, ...)")
         since_last_s = log.since_last_s(frame.stamp)
         if frame.depth_mm.shape != (camera.height, camera.width):
             raise InputError(f"a frame of {frame.depth_mm.shape[::-1]} pixels from {camera}: give that camera's own")

@@ -3,7 +3,7 @@
 import numpy as np
 
 from odom.backend.settings import OdometrySettings
-from odom.errors import ConfigError
+from odom.errors import ConfigError, check_type
 from odom.frame import Camera
 from odom.frontend.camera.noise_monitor import FeatureNoise, NoiseMonitor
 from odom.frontend.camera.rolling_shutter import ShutterTiming
@@ -22,10 +22,8 @@ def unproven_sensor(camera: Camera, settings: OdometrySettings) -> SensorModel:
 
     Raises ConfigError for images too small to track in, an unknown lens model, or arguments of other types.
     """
-    if not isinstance(camera, Camera):
-        raise ConfigError(f"{type(camera).__name__} given as camera: give odom.Camera(width, height, fx, fy, cx, cy)")
-    if not isinstance(settings, OdometrySettings):
-        raise ConfigError(f"{type(settings).__name__} given as settings: give odom.OdometrySettings(name=value)")
+    check_type("camera", camera, Camera, "odom.Camera(width, height, fx, fy, cx, cy)", ConfigError)
+    check_type("settings", settings, OdometrySettings, "odom.OdometrySettings(name=value)", ConfigError)
     if min(camera.width, camera.height) < _LEAST_SIDE_PX:
         raise ConfigError(f"{camera}: images need {_LEAST_SIDE_PX} pixels each way at least")
     knots = _INVERSE_DEPTH_KNOTS

@@ -129,8 +129,7 @@ class Tuning:
         "counts by chance; more: the camera is LOST for longer in poor scenes.")
     scene_share: float = tuned(0.5, unit="share of the votes", source="most of them; " + BODIES,
         effect="A motion needs this share to be the camera's; a first look is enough if less than half of it is "
-        "against. Smaller: bodies are followed; larger: the camera is LOST "
-        "among people.")
+        "against. Smaller: bodies are followed; larger: the camera is LOST among people.")
     scene_alone: float = tuned(0.8, unit="share of the votes", source=BODIES,
         effect="With this share, if scene_reach holds, a motion is the camera's wherever the rest lies. Smaller: a "
         "body that fills the view is followed; larger: the camera is LOST where somebody stands behind a desk.")

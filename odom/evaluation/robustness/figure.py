@@ -64,7 +64,6 @@ def _limits(outcomes: Outcomes) -> tuple[float, float]:
 def _draw(
     panel: "Axes", found: AxisOutcome, unspoilt: Verdict, limits: tuple[float, float], is_left: bool, is_right: bool
 ) -> None:
-
     labels = ["none", *(level.label for level, _ in found.verdicts)]
     verdicts = [unspoilt, *(verdict for _, verdict in found.verdicts)]
     x = np.arange(len(verdicts))

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from odom.errors import InputError
+from odom.errors import InputError, check_type
 from odom.geometry.arrays import Array
 from odom.geometry.se3 import hat, so3_exp
 from odom.registration.checked_arrays import checked
@@ -65,8 +65,7 @@ class RecursiveFilter:
 
     def __post_init__(self) -> None:
         check_settings(self.theta, self.alpha)
-        if not isinstance(self.prior, Prior | None):
-            raise InputError(f"{type(self.prior).__name__} given as prior: give Prior(T_target_source), or None")
+        check_type("prior", self.prior, Prior | None, "Prior(T_target_source), or None")
         if self.centroids is not None and self.prior is not None and self.prior.covariance is not None:
             raise InputError("centroids and a prior with covariance: give Prior(T_target_source), or no centroids")
 

@@ -17,6 +17,8 @@ _NO_ROWS, _NO_UV = np.zeros(0, dtype=np.int64), np.zeros((0, 2))
 """What a key frame without landmarks has; one array for all of them."""
 _NOTHING_MEASURED = Measurements.nothing()
 _UNKNOWN_TIMING = ShutterTiming()
+UNKNOWN_TWIST = np.full(6, np.nan)
+"""The `twist_around` of a frame around which too few others are known."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,6 +41,8 @@ class FrameObservations:
 
     `displaced` is what it measured of further landmarks, found near where its pose predicts them but not there (None:
     nothing). It is not used for the map, but it shows a poor lens: without it, calibration would find that lens again.
+    `twist_around` (6, SI, camera frame) is the camera's velocity as the poses of the frames around show it, NaN where
+    that is not known.
     """
 
     rows: Index
@@ -46,6 +50,7 @@ class FrameObservations:
     measurements: Measurements
     timing: ShutterTiming
     displaced: "FrameObservations | None" = None
+    twist_around: Array = field(default_factory=lambda: UNKNOWN_TWIST)
 
     @classmethod
     def of(cls, measured: MeasuredLandmarks, landmarks: Landmarks, timing: ShutterTiming) -> "FrameObservations":

@@ -111,14 +111,18 @@ def _with_parts_held(adjustment: Adjustment) -> Adjustment:
     return replace(adjustment, is_fixed=adjustment.is_fixed | is_oldest)
 
 
+def window_of(map_: Map, window: int) -> list[Keyframe]:
+    """Return those of the `window` newest key frames that are of this run, and of the segment of the newest one."""
+    mine = [map_.keyframes[n] for n in map_.remembered[-window:] if n >= map_.earlier_keyframes]
+    return [k for k in mine if k.segment == mine[-1].segment]
+
+
 def newest(map_: Map, window: int, sensor: SensorModel, credit: float) -> Adjustment:
     """Return the adjustment of the `window` newest key frames, held by older ones that measured the same landmarks.
 
     `credit` is the share of the observations' information that counts for timing and tilt, here and below.
     """
-    free = [map_.keyframes[n] for n in map_.remembered[-window:] if n >= map_.earlier_keyframes]
-    segment = free[-1].segment
-    free = [k for k in free if k.segment == segment]
+    free = window_of(map_, window)
     measured = np.concatenate([k.identities for k in free])
     linked = set().union(*(map_.links[k.number] for k in free)) - {k.number for k in free}
     shared = [

@@ -16,7 +16,7 @@ from odom.backend.mapping.described import DescribedKeyframe, PlaceSearch
 from odom.backend.mapping.intermediate_frames import IntermediateFrames
 from odom.backend.mapping.keyframe_inserter import KeyframeInserter
 from odom.backend.mapping.newer_keyframes import carry_newer, refit_newer
-from odom.backend.mapping.row_motion import carry_misjudged
+from odom.backend.mapping.row_motion import carry_misjudged, note_twists_around
 from odom.backend.mapping.shutter_kind import ShutterKind
 from odom.backend.mapping.tuning import TUNING
 from odom.backend.settings import OdometrySettings
@@ -117,8 +117,8 @@ class Mapper:
         if len(self._map.remembered) <= self._settings.map_keyframes:
             recall_near(self._map, last.reference, last.T_camera_map, TUNING.recalled_at_once)
 
-    def start_background(self, count: int, sensor: SensorModel, may_change: bool = False) -> None:
-        """Begin to adjust the newest key frames and to describe their places, if idle; frame `count` is the newest.
+    def start_background(self, log: FrameLog, sensor: SensorModel, may_change: bool = False) -> None:
+        """Begin to adjust the newest key frames and to describe their places, if idle; the `log` holds all frames.
 
         `may_change`: nothing else is at work that a new lens would make wrong.
         """
@@ -130,6 +130,8 @@ class Mapper:
         if lens is not None:
             change, self.lens_to_come, is_whole = LensChange(sensor.lens, lens), None, True
             sensor = sensor.with_lens(lens)
+        newest = map_adjustment.window_of(self._map, self._settings.window_keyframes)
+        note_twists_around(newest, log, self._map.keyframes, sensor.timing)
         adjustment = self._next_adjustment(sensor, is_whole, change)
         times = 1 + (len(adjustment.is_fixed) // TUNING.change_frames if is_whole else 0)
         searches = [PlaceSearch.of(self._map, seen) for seen in self.inserter.take_undescribed()]
@@ -146,7 +148,7 @@ class Mapper:
             return _Done(adjusted, bundle, described, grown, change, is_whole, believed)
 
         due_stamp = later(sensor.clock.steady, times * TUNING.background_s)
-        self._background.start(count + times * self._settings.background_delay_frames, due_stamp, work)
+        self._background.start(log.count + times * self._settings.background_delay_frames, due_stamp, work)
 
     def _next_adjustment(
         self, sensor: SensorModel, is_whole: bool, change: LensChange | None

@@ -7,6 +7,7 @@ import numpy as np
 
 from odom.backend.map.keyframe import FrameObservations
 from odom.backend.map.landmarks import Landmarks
+from odom.backend.mapping.row_motion import carried_by_walk
 from odom.backend.mapping.steady_slopes import steadied
 from odom.frontend.camera.sensor_model import SensorModel
 from odom.frontend.features.measurement import Measurements
@@ -32,10 +33,10 @@ def gather_observations(
 ) -> tuple[Observations, Index]:
     """Return what `frames` measured of the landmarks that at least two of them share, and those landmarks' rows.
 
-    Numbers of frames and landmarks in the result count from 0 in the order given and returned; the values are
-    carried to the timing of `sensor`. `T_camera_map` (K x 4 x 4) are the frames' poses, roughly. Nothing is returned of
-    frames that share fewer than `least` landmarks. Landmarks of vague depth keep about the one they have: rays alone,
-    nearly parallel ones, would let them run away.
+    Numbers of frames and landmarks in the result count from 0 in the order given and returned; the values are carried
+    to the timing of `sensor`, rays by the motion of the walk where frames know it (see `row_motion`). `T_camera_map` (K
+    x 4 x 4) are the frames' poses, roughly. Nothing is returned of frames that share fewer than `least` landmarks.
+    Landmarks of vague depth keep about the one they have: rays alone, nearly parallel ones, would let them run away.
     """
     frame_numbers, frame_rows, measured = [], [], []
     for number, frame in enumerate(frames):
@@ -51,7 +52,13 @@ def gather_observations(
     frame_number = frame_number[keep]
     seen = Measurements(*(np.concatenate([getattr(m, f.name) for m in measured])[keep] for f in fields(Measurements)))
     half_readout, focal_px = np.array([f.timing.half_readout for f in frames]), sensor.lens.intrinsics[:2]
-    seen = steadied(seen, T_camera_map[frame_number, :3, :3], landmark, half_readout[frame_number], focal_px)
+    T = T_camera_map[frame_number]
+    twist = np.array([f.twist_around for f in frames])[frame_number]
+    if not np.isnan(twist).all():
+        depth_m = np.einsum("ni,ni->n", T[:, 2, :3], landmarks.position[kept[landmark]]) + T[:, 2, 3]
+        readout_s = np.array([f.timing.readout_s for f in frames])[frame_number]
+        seen = carried_by_walk(seen, depth_m, twist, readout_s, sensor.lens)
+    seen = steadied(seen, T[:, :3, :3], landmark, half_readout[frame_number], focal_px)
     seen = seen.by_one_timing([f.timing for f in frames], frame_number, sensor.timing)
     vague = np.flatnonzero(landmarks.is_vague(kept))
     first = np.searchsorted(landmark, vague)

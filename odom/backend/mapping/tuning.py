@@ -154,7 +154,7 @@ class Tuning:
     finish_iterations: int = tuned(15, unit="1", source=SWEEP,
         effect="Steps of the final adjustment, as adjust_iterations.")
     # row_motion
-    motion_window_s: float = tuned(0.07, unit="s", source="velocities against the arena's truth, .035 to .27 s",
+    motion_window_s: float = tuned(0.07, unit="s", source="turn rates against TUM's truth, .035 to .175 s",
         effect="Velocities are read from the trajectory over this time before and after. Smaller: they are noisier; "
         "larger: quick turns are smoothed away.")
     misjudged_readout_s: float = tuned(0.002, unit="s", source="ten walks of the arena, also turned by 180 degrees",

@@ -30,11 +30,11 @@ def extend_chain_and_map(stages: FrameStages, placed: PlacedFrame, estimate: Est
 
 def _extend_map(stages: FrameStages, placed: PlacedFrame) -> bool:
     """Add to the map what it needs of a placed frame, and make that the newest; return whether it is a key frame."""
-    judged, mapper, count, sensor = placed.judged, stages.mapper, stages.published.log.count, stages.sensor
+    judged, mapper, log, sensor = placed.judged, stages.mapper, stages.published.log, stages.sensor
     view, tracked, in_doubt = judged.view, judged.tracked, stages.moving.is_doubtful
-    if mapper.intermediate.wants(count - 1, sensor.clock.period_s):
-        mapper.keep(count - 1, tracked, sensor)
-    mapper.start_background(count, sensor, stages.closer.is_idle)
+    if mapper.intermediate.wants(log.count - 1, sensor.clock.period_s):
+        mapper.keep(log.count - 1, tracked, sensor)
+    mapper.start_background(log, sensor, stages.closer.is_idle)
     reference, rows, uv = tracked.reference, tracked.inlier_landmarks.rows, tracked.inlier_landmarks.uv
     if judged.state is State.RECOVERED:
         mapper.inserter.compare_with(reference)
@@ -43,7 +43,7 @@ def _extend_map(stages: FrameStages, placed: PlacedFrame) -> bool:
     has_depth = stages.last_depth.placing_stamp == view.steady_stamp
     is_keyframe = has_depth and not is_motion_unknown and mapper.inserter.is_due(view, tracked, in_doubt)
     if is_keyframe:
-        keyframe = mapper.inserter.insert(view, tracked, judged.twist, judged.covariance, sensor, count, in_doubt)
+        keyframe = mapper.inserter.insert(view, tracked, judged.twist, judged.covariance, sensor, log.count, in_doubt)
         keyframe.T_middle_stamp = placed.published.T_middle_stamp
         reference, rows, uv = keyframe.number, keyframe.rows, keyframe.uv
     begun = None if stages.last is None else stages.last.begun_stamp

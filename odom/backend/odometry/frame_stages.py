@@ -198,7 +198,7 @@ class FrameStages:
         else:
             published = self.published.follow(view, self.last, following, self.sensor)
             state, reason = State.UNCERTAIN, f"{reason}: followed by surfaces alone"
-        self.mapper.start_background(self.published.log.count, self.sensor)
+        self.mapper.start_background(self.published.log, self.sensor)
         return self._describe(view, state, reason, published)
 
     def _begin(self, view: View, corners: Corners, following: SurfaceFollowing | None) -> Estimate:

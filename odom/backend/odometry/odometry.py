@@ -203,7 +203,7 @@ class Odometry:
         if tracked is not None:
             stages.mapper.keep(newest, tracked, stages.sensor)
         loops, _ = self._apply_background(None)
-        stages.mapper.start_background(log.count, stages.sensor)
+        stages.mapper.start_background(log, stages.sensor)
         self.late_loops = (*loops, *self._apply_background(None)[0])
         T_reference_camera = stages.last.T_reference_camera(stages.map)
         self._last_timing = self.timing

@@ -32,10 +32,8 @@ _LONGEST_DELAY_S = 0.1
 def twists_at(numbers: Sequence[int], log: FrameLog, keyframes: Sequence[Keyframe], timing: ShutterTiming) -> Array:
     """Return the camera's velocity (K x 6, m/s and rad/s, its own frame) in K frames of the `log`, by their `numbers`.
 
-    It is the slope there of a cubic through the poses of the frames within `motion_window_s` to both sides, of a
-    straight line where one side has a single pose; NaN where it has none of the same segment. A line lags behind a hand
-    that trembles: on `fr1_xyz` its velocities are 12 % too small, a cubic's 1 % (A. Savitzky, M. Golay, "Smoothing and
-    differentiation of data by simplified least squares procedures", Analytical Chemistry 36, 1964).
+    It is the slope of a straight line through the poses of the frames within `motion_window_s`, and of the next one to
+    each side; NaN where one side has no pose of the same segment within `motion_reach_s`.
     """
     twists = np.full((len(numbers), 6), np.nan)
     known: dict[int, _Placed | None] = {}
@@ -46,13 +44,14 @@ def twists_at(numbers: Sequence[int], log: FrameLog, keyframes: Sequence[Keyfram
         placed = [_placed(other, log, keyframes, known) for other in _around(number, log)]
         mine = [other for other in placed if other is not None and other.segment == here.segment]
         apart = [(other.frame.since_s(here.frame, timing), other.T_map_camera) for other in mine]
-        near = [(since_s, T) for since_s, T in apart if abs(since_s) < TUNING.motion_window_s]
-        since = np.array([since_s for since_s, _ in near])
-        sides = min(np.count_nonzero(since < 0.0), np.count_nonzero(since > 0.0))
-        if sides:
+        since = np.array([since_s for since_s, _ in apart])
+        before, after = since[since < 0.0], since[since > 0.0]
+        to_next_s = max(-before.max(initial=-np.inf), after.min(initial=np.inf))
+        if to_next_s < TUNING.motion_reach_s:
             T_camera_map = se3.inverse(here.T_map_camera)
-            moved = np.array([se3.log(T_camera_map @ T_map_other) for _, T_map_other in near])
-            twists[row] = np.polynomial.polynomial.polyfit(since, moved, 3 if sides > 1 else 1)[1]
+            near = np.flatnonzero(np.abs(since) <= max(to_next_s, TUNING.motion_window_s))
+            moved = np.array([se3.log(T_camera_map @ apart[k][1]) for k in near])
+            twists[row] = np.polynomial.polynomial.polyfit(since[near], moved, 1)[1]
     return twists
 
 
@@ -79,7 +78,7 @@ def _placed(
 
 
 def _near_ns() -> float:
-    return 1e9 * (TUNING.motion_window_s + _LONGEST_DELAY_S)
+    return 1e9 * (TUNING.motion_reach_s + _LONGEST_DELAY_S)
 
 
 def _around(number: int, log: FrameLog) -> Iterator[int]:

@@ -154,9 +154,12 @@ class Tuning:
     finish_iterations: int = tuned(15, unit="1", source=SWEEP,
         effect="Steps of the final adjustment, as adjust_iterations.")
     # row_motion
-    motion_window_s: float = tuned(0.07, unit="s", source="turn rates against TUM's truth, .035 to .175 s",
+    motion_window_s: float = tuned(0.04, unit="s", source="turn rates of fr1's truth, readouts of the arena",
         effect="Velocities are read from the trajectory over this time before and after. Smaller: they are noisier; "
-        "larger: quick turns are smoothed away.")
+        "larger: a trembling hand's are too small, those of fr1_xyz by 6 % at .04 and 12 % at .07.")
+    motion_reach_s: float = tuned(0.07, unit="s", source="two periods of 30 Hz",
+        effect="Frames farther apart than that say nothing of a velocity. Smaller: slow cameras have none; "
+        "larger: what turned meanwhile is missed.")
     misjudged_readout_s: float = tuned(0.002, unit="s", source="ten walks of the arena, also turned by 180 degrees",
         effect="Frames measured by a readout that was farther off are carried anew at the end. Smaller: frames that "
         "were carried well by their own rows lose by it; larger: the first seconds of other shutters stay bent.")

@@ -10,7 +10,6 @@ of a real map, accuracy is not.
 
 import argparse
 import json
-import resource
 import time
 from pathlib import Path
 
@@ -160,9 +159,15 @@ def measure(path: Path, queries: int = 50) -> dict[str, float]:
         right += any(r.candidate == number and not r.refusal for r in first)
     out |= {"recognised": right / queries, "query_ms": 1e3 * float(np.median(took))}
     out |= close_over_all(map_, opened)
-    out["rss_mb"] = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3
+    out["rss_mb"] = peak_rss_mb()
     opened.close()
     return out
+
+
+def peak_rss_mb() -> float:
+    """The most memory that this process has taken; what `getrusage` says may be that of the process that began it."""
+    status = dict(line.split(":", 1) for line in Path("/proc/self/status").read_text().splitlines())
+    return int(status["VmHWM"].split()[0]) / 1024
 
 
 def close_over_all(map_: Map, opened: MapFile) -> dict[str, float]:

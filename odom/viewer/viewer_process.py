@@ -4,7 +4,7 @@ import logging
 import os
 import threading
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
@@ -36,6 +36,8 @@ _SMALL_WAITING = 512
 """Small messages that may wait, two seconds of them; then the oldest are dropped."""
 _HISTORY_S = 2.0
 """Wait for the next answer about earlier poses; where no odometry answers, the viewer opens this much later."""
+_FOUND_S = 1.0
+"""Wait until somebody who answers is known: a session that was just opened does not know of all others yet."""
 _WHOLE_HISTORY_S = 60.0
 """Wait for all answers of a kind: a hundred clouds take seconds on a busy machine, and the rest would never come."""
 _REPEAT_S = 20.0
@@ -181,12 +183,26 @@ class Viewer:
 
     def _past(self) -> Iterator[zenoh.Sample]:
         keys = (self.topics.history, self.topics.path, self.topics.landmarks, self.topics.keyframes)
+        self._await_answerer(keys)
         for key in keys:
             every = zenoh.ConsolidationMode.NONE  # otherwise only the last message of a key would come
             replies: SimpleQueue[zenoh.Reply | None] = SimpleQueue()
             handler = zenoh.handlers.Callback(replies.put, partial(replies.put, None))
             self.session.zenoh.get(f"{key}?_anyke", handler, timeout=_WHOLE_HISTORY_S, consolidation=every)
             yield from _until_silent(replies)
+
+    def _await_answerer(self, keys: Sequence[str]) -> None:
+        """Return when somebody who answers questions about one of the `keys` is known, or after a second."""
+        asked = [self.session.zenoh.declare_querier(key) for key in keys]
+        until = time.monotonic() + _FOUND_S
+        while time.monotonic() < until and not any(map(_is_answered, asked)):
+            time.sleep(_WAIT_S)
+        for one in asked:
+            one.undeclare()  # type: ignore[no-untyped-call]  # zenoh gives no type
+
+
+def _is_answered(querier: zenoh.Querier) -> bool:
+    return bool(querier.matching_status.matching)  # type: ignore[attr-defined]  # zenoh's stub says bool
 
 
 def _until_silent(replies: SimpleQueue[zenoh.Reply | None]) -> Iterator[zenoh.Sample]:

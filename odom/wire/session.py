@@ -22,7 +22,7 @@ _LOG = logging.getLogger(__name__)
 _ADVICE = {
     "listener": "; end what listens there, or give another --listen",
     "Unable to connect": "; is `odom router --listen` up at that address and port, and does a firewall let it through?"
-    " With --tls, the router's log says why it refuses a client.",
+    " With --tls or a password, the router's log says why it refuses a client.",
 }
 """What to do about Zenoh's reasons, by words that they hold."""
 _SETTINGS = {"connect/endpoints": "wire.connect (--connect)", "listen/endpoints": "wire.listen (--listen)"}

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 from synthetic import smooth, trajectory
 
+from odom.cli.trajectories import read_estimate
 from odom.errors import SourceError
 from odom.evaluation.files import read_kitti, read_tum, write_tum
 from odom.evaluation.motive import read_motive
@@ -130,3 +131,8 @@ def test_readers_refuse_any_bytes_with_the_projects_error_only(tmp_path_factory,
     path.write_bytes(data)
     with contextlib.suppress(SourceError):
         assert (np.diff(getattr(reader(path), "stamps", np.zeros(0))) > 0).all()
+
+
+def test_the_folder_of_a_run_that_was_stopped_is_refused_with_what_it_holds(tmp_path):
+    with pytest.raises(SourceError, match=r"stopped before it was saved.*odometry\.txt"):
+        read_estimate(tmp_path, times=None, topic="")

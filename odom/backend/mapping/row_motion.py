@@ -104,8 +104,14 @@ def carried_anew(
     Each lies in the `row` (N, from the middle one, as a share of the image's height) at an `inverse_depth` (N, 1/m);
     its image was read within `readout_s` (N, or that of all). Those of which any of that is NaN stay as they were.
     """
-    jacobian, values, rays = seen.jacobian_timing.copy(), seen.values.copy(), rays_as_seen(seen, readout_s)
-    by_readout = -flow(rays, inverse_depth, twist)[:, :2] * row[:, None]
+    rays = rays_as_seen(seen, readout_s)
+    return _carried(seen, rays, row, flow(rays, inverse_depth, twist), readout_s)
+
+
+def _carried(seen: Measurements, rays: Array, row: Array, rates: Array, readout_s: float | Array) -> Measurements:
+    """Return measurements whose `rays`, as seen, are carried to the middle row's time by their `rates` (N x 3, 1/s)."""
+    jacobian, values = seen.jacobian_timing.copy(), seen.values.copy()
+    by_readout = -rates[:, :2] * row[:, None]
     is_known = np.isfinite(by_readout).all(axis=1)
     jacobian[is_known, :2, 0] = by_readout[is_known]
     values[is_known, :2] = (rays + by_readout * np.reshape(readout_s, (-1, 1)))[is_known]
@@ -128,7 +134,7 @@ def carried_by_walk(
     half = np.where(np.asarray(readout_s) >= 0.0, 0.5, -0.5)
     of_depth = np.column_stack([(half - row) * by_lag - rates[:, 2] * row, by_lag, row * by_lag])
     is_known = np.isfinite(of_depth).all(axis=1) & np.isfinite(seen.values[:, 2])
-    anew = carried_anew(seen, row, inverse_depth, twist, readout_s)
+    anew = _carried(seen, rays, row, rates, readout_s)
     anew.jacobian_timing[is_known, 2] = of_depth[is_known]
     return anew
 

@@ -124,7 +124,7 @@ class ChildProcess:
             process = psutil.Process(self.pid)
             used = process.cpu_times()
             self.cpu_s = used.user + used.system
-            self.peak_rss_mb = max(self.peak_rss_mb, _peak_rss_mb(process))
+            self.peak_rss_mb = max(self.peak_rss_mb, peak_rss_mb(process))
 
     def _pass_on(self, say: Say) -> None:
         assert self._process.stdout is not None
@@ -132,8 +132,11 @@ class ChildProcess:
             say(self.name, line.rstrip("\n"))
 
 
-def _peak_rss_mb(process: psutil.Process) -> float:
-    """Return the highest resident memory so far where the system knows it (Linux), else the present one."""
+def peak_rss_mb(process: psutil.Process) -> float:
+    """Return the highest resident memory of a process so far where the system knows it (Linux), else the present one.
+
+    What `getrusage` says of a process that was just begun may be the memory of the one that began it.
+    """
     status = Path(f"/proc/{process.pid}/status")
     if status.exists():
         for line in status.read_text().splitlines():

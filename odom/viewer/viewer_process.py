@@ -5,7 +5,7 @@ import os
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from functools import partial
 from queue import Empty, SimpleQueue
@@ -22,6 +22,7 @@ from odom.viewer.scene import Scene
 from odom.viewer.settings import ViewerSettings
 from odom.wire import TRUTH, Topics, WireSettings
 from odom.wire.delivery import delivery_of
+from odom.wire.publisher import is_matched
 from odom.wire.session import Subscriber, WireSession, open_session
 from odom.wire.unheard import Unheard
 
@@ -193,16 +194,11 @@ class Viewer:
 
     def _await_answerer(self, keys: Sequence[str]) -> None:
         """Return when somebody who answers questions about one of the `keys` is known, or after a second."""
-        asked = [self.session.zenoh.declare_querier(key) for key in keys]
-        until = time.monotonic() + _FOUND_S
-        while time.monotonic() < until and not any(map(_is_answered, asked)):
-            time.sleep(_WAIT_S)
-        for one in asked:
-            one.undeclare()  # type: ignore[no-untyped-call]  # zenoh gives no type
-
-
-def _is_answered(querier: zenoh.Querier) -> bool:
-    return bool(querier.matching_status.matching)  # type: ignore[attr-defined]  # zenoh's stub says bool
+        with ExitStack() as declared:
+            asked = [declared.enter_context(self.session.zenoh.declare_querier(key)) for key in keys]
+            until = time.monotonic() + _FOUND_S
+            while time.monotonic() < until and not any(map(is_matched, asked)):
+                time.sleep(_WAIT_S)
 
 
 def _until_silent(replies: SimpleQueue[zenoh.Reply | None]) -> Iterator[zenoh.Sample]:

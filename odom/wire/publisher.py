@@ -69,7 +69,7 @@ class Publisher:
         with self._lock:
             try:
                 publisher = self._publishers.get((topic, type_name)) or self._declare(topic, type_name)
-                return bool(publisher.matching_status.matching)  # type: ignore[attr-defined]  # zenoh's stub says bool
+                return is_matched(publisher)
             except zenoh.ZError as error:
                 raise WireError(f"{topic} cannot be published: {error}") from error
 
@@ -87,3 +87,8 @@ class Publisher:
         )
         self._publishers[topic, type_name] = publisher
         return publisher
+
+
+def is_matched(declared: zenoh.Publisher | zenoh.Querier) -> bool:
+    """Whether anybody is known who takes what it publishes or answers what it asks; raises ZError when it is closed."""
+    return bool(declared.matching_status.matching)  # type: ignore[attr-defined]  # zenoh's stub says bool

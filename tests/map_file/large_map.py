@@ -15,6 +15,7 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+import psutil
 from made_up_map import CAMERA
 
 import odom
@@ -37,6 +38,7 @@ from odom.frontend.matching.place_recognition import recognise
 from odom.geometry import se3
 from odom.geometry.arrays import Array, Image
 from odom.map_file.map_file import MapFile
+from odom.service.child_process import peak_rss_mb
 
 LAP = 400
 """Key frames of a lap of 120 m."""
@@ -159,15 +161,9 @@ def measure(path: Path, queries: int = 50) -> dict[str, float]:
         right += any(r.candidate == number and not r.refusal for r in first)
     out |= {"recognised": right / queries, "query_ms": 1e3 * float(np.median(took))}
     out |= close_over_all(map_, opened)
-    out["rss_mb"] = peak_rss_mb()
+    out["rss_mb"] = peak_rss_mb(psutil.Process())
     opened.close()
     return out
-
-
-def peak_rss_mb() -> float:
-    """The most memory that this process has taken; what `getrusage` says may be that of the process that began it."""
-    status = dict(line.split(":", 1) for line in Path("/proc/self/status").read_text().splitlines())
-    return int(status["VmHWM"].split()[0]) / 1024
 
 
 def close_over_all(map_: Map, opened: MapFile) -> dict[str, float]:

@@ -27,7 +27,7 @@ def read_estimate(path: Path, *, times: Path | None, topic: str) -> Trajectory:
         return _from_recording(path, topic)[0]
     if path.is_dir():
         raise SourceError(
-            f"{path} holds no trajectory.txt: the run was stopped before it was saved. "
+            f"{path} holds no trajectory.txt: it is no run's, or the run was stopped before it was saved. "
             "Give the poses as published, odometry.txt, if they are there"
         )
     return _text(path, times)

@@ -91,7 +91,9 @@ def walk(
     ]
     place = {index: at for at, index in enumerate(keeper.kept)}
     made = [PairOfLooks(place[target], place[source], followed) for target, source, followed in keeper.pairs]
-    return Walk(looks, made, trajectory, {body: Trajectory.by_stamp(found) for body, found in truth.items()})
+    return Walk(
+        looks, made, trajectory, {body: Trajectory.by_stamp(found, trajectory) for body, found in truth.items()}
+    )
 
 
 def _twist(stamp: int, stamps: list[int], poses: dict[int, Array]) -> Array:

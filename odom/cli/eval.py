@@ -98,7 +98,7 @@ def evaluate(
         print(f"truth's noise  {1e3 * noise.sigma_m:.2f} mm  {degrees(noise.sigma_rad):.3f} deg an axis, at least")
     fields["pose_alignment"] = print_pose_figures(report, read_claims(estimate, topic=topic), calibration, noise)
     for path in relative or []:
-        poses = read_relative(path)
+        poses = read_relative(path, estimated)
         exact, allowing = (relative_nees(each, true, max_gap) for each in (poses, widened(poses, noise)))
         print(f"NEES           {exact.mean:.2f} (6 is ideal), {exact.inside_95:.1%} inside 95 %  {path.name}")
         if noise:

@@ -23,7 +23,7 @@ def chain_fields(out_dir: Path, truth: Trajectory, options: EvaluationOptions) -
     fields: dict[str, Any] = trajectory_fields(out_dir / "chain.txt", truth, options)
     fields |= dict.fromkeys(("nees_frame", "nees_frame_exact_truth"))
     path = out_dir / "relative_chain.txt"
-    links = read_relative(path) if path.is_file() else None
+    links = read_relative(path, truth) if path.is_file() else None
     if links:
         exact = relative_nees(links, truth)
         if len(exact.values):
@@ -35,7 +35,7 @@ def chain_fields(out_dir: Path, truth: Trajectory, options: EvaluationOptions) -
 def trajectory_fields(path: Path, truth: Trajectory, options: EvaluationOptions) -> dict[str, Any]:
     """Return the errors of the trajectory in the file `path`, each None where they cannot be computed."""
     try:
-        report = evaluate(read_tum(path), truth, options) if path.is_file() else None
+        report = evaluate(read_tum(path, truth), truth, options) if path.is_file() else None
     except InputError:
         report = None
     if report is None:

@@ -8,7 +8,8 @@ import numpy as np
 
 from odom.errors import SourceError
 from odom.evaluation.pose_columns import PoseColumns, pose_columns
-from odom.evaluation.trajectory import Stamps, Trajectory
+from odom.evaluation.times import Stamps, are_taken, leap_note, of_one_time
+from odom.evaluation.trajectory import Trajectory
 from odom.frame import seconds_text, stamp_of
 from odom.geometry.arrays import Array
 from odom.geometry.rotations import matrices_of, quaternions_of
@@ -63,13 +64,14 @@ def read_rows(
     return np.array(when, dtype=np.int64).reshape(n, stamps), np.array(numbers).reshape(n, values or 0), lines
 
 
-def read_tum(path: str | Path) -> Trajectory:
+def read_tum(path: str | Path, beside: Trajectory | None = None) -> Trajectory:
     """Read lines of `stamp tx ty tz qx qy qz qw` (seconds, metres); a comment `# segment N` begins a segment.
 
     Poses are returned as the file has them: those of a marker body (a run's `truth.txt` that begins with `# body NAME`)
     are carried to the camera by `odom.calibrate`. A line before them that names the columns says where each is
-    (`pose_columns`): so EuRoC's CSV is read. A last line cut short by a crash is left out, and so are lost poses
-    (`trajectory_of`). Raises SourceError naming the line that cannot be read.
+    (`pose_columns`): so EuRoC's CSV is read. A last line cut short by a crash is left out, and so are lost poses and
+    those of another time than that `beside` a trajectory (`trajectory_of`). Raises SourceError naming the line that
+    cannot be read.
     """
     path = Path(path)
     text = text_of(path)
@@ -82,22 +84,27 @@ def read_tum(path: str | Path) -> Trajectory:
     )
     marks = [(n, int(found[1])) for n, line in enumerate(text.splitlines(), 1) if (found := _SEGMENT.match(line))]
     begins, names = np.array([(0, 0), *marks]).T
-    return trajectory_of(path, stamps, values, names[np.searchsorted(begins, lines) - 1])
+    return trajectory_of(path, stamps, values, names[np.searchsorted(begins, lines) - 1], beside)
 
 
 def read_run(folder: Path) -> Trajectory:
     """Read the corrected trajectory that `odom run` left in a folder, with the parts that were never joined to it.
 
-    Raises SourceError like `read_tum`.
+    A clock that leapt back may have stamped two parts alike: then the larger one counts. Raises SourceError like
+    `read_tum`.
     """
-    parts = [read_tum(path) for path in (folder / "trajectory.txt", *sorted(folder.glob("trajectory-segment-*.txt")))]
-    if len(parts) == 1:
-        return parts[0]
-    stamps = np.concatenate([part.stamps for part in parts])
-    order = np.argsort(stamps)
-    segment = np.repeat(np.arange(len(parts)), [len(part) for part in parts])
-    T = np.concatenate([part.T_world_body for part in parts])
-    return Trajectory(stamps[order], T[order], segment[order])
+    whole = read_tum(folder / "trajectory.txt")
+    others = [read_tum(path) for path in sorted(folder.glob("trajectory-segment-*.txt"))]
+    if not others:
+        return whole
+    stamps, T, segment = whole.stamps, whole.T_world_body, np.zeros(len(whole), np.int64)
+    for number, part in enumerate(sorted(others, key=len, reverse=True), 1):
+        part = part.take(~are_taken(part.stamps, stamps))
+        together = np.concatenate([stamps, part.stamps])
+        order = np.argsort(together)
+        stamps, T = together[order], np.concatenate([T, part.T_world_body])[order]
+        segment = np.concatenate([segment, np.full(len(part), number)])[order]
+    return Trajectory(stamps, T, segment)
 
 
 def read_kitti(path: Path, times: Path) -> Trajectory:
@@ -118,13 +125,20 @@ def read_kitti(path: Path, times: Path) -> Trajectory:
     return trajectory_of(path, stamps[:, 0], np.column_stack([P[:, :, 3], quaternions]))
 
 
-def trajectory_of(path: Path, stamps: Stamps, values: Array, segments: Stamps | None = None) -> Trajectory:
+def trajectory_of(
+    path: Path, stamps: Stamps, values: Array, segments: Stamps | None = None, beside: Trajectory | None = None
+) -> Trajectory:
     """Return the trajectory of n stamps (ns) and n x 7 values (see `poses_of`), sorted.
 
     What tools write for a camera that is lost, values that are not finite or a quaternion of zeros, is left out with a
-    warning, and so are all poses of a stamp but the first. Raises SourceError like `poses_of`.
+    warning, and so are all poses of a stamp but the first, and where the clock leapt back those of another time than
+    the one that lasts longest, `beside` a trajectory. Raises SourceError like `poses_of`.
     """
     stamps = stamps.reshape(-1)
+    now = of_one_time(stamps, None if beside is None else beside.stamps)
+    if note := leap_note(now):
+        log.log(logging.WARNING if beside is None else logging.DEBUG, "%s: %s", path, note)
+        stamps, values, segments = stamps[now], values[now], None if segments is None else segments[now]
     known = np.isfinite(values).all(axis=1) & (values[:, 3:] != 0.0).any(axis=1)
     if not known.all():
         log.warning(

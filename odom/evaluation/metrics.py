@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from odom.errors import InputError
-from odom.evaluation.trajectory import Stamps, nearest
+from odom.evaluation.times import Stamps
+from odom.evaluation.trajectory import nearest
 from odom.geometry import se3
 from odom.geometry.arrays import Array
 from odom.geometry.rotations import angles_of

@@ -13,7 +13,8 @@ import numpy as np
 
 from odom.evaluation.files import poses_of, read_rows
 from odom.evaluation.metrics import Nees, nees, tangent_errors
-from odom.evaluation.trajectory import Stamps, Trajectory
+from odom.evaluation.times import Stamps, of_one_time
+from odom.evaluation.trajectory import Trajectory
 from odom.geometry import se3
 from odom.geometry.arrays import Array, Mask
 
@@ -49,16 +50,18 @@ class RelativePoses:
         return len(self.stamps_current)
 
 
-def read_relative(path: Path) -> RelativePoses:
+def read_relative(path: Path, beside: Trajectory | None = None) -> RelativePoses:
     """Read a file of relative poses; a last line cut short by a crash is left out.
 
-    Raises SourceError naming the line that cannot be read.
+    Where the clock leapt back, they are of the one time that lasts longest `beside` a trajectory. Raises
+    SourceError naming the line that cannot be read.
     """
     stamps, values, _ = read_rows(path, f"a relative pose of {_FIELDS} fields", 2, _FIELDS - 2, may_be_cut=True)
     covariances = np.zeros((len(values), 6, 6))
     covariances[:, *np.triu_indices(6)] = values[:, 7:]
     covariances += np.triu(covariances, 1).transpose(0, 2, 1)
-    return RelativePoses(stamps[:, 0], stamps[:, 1], poses_of(path, values[:, :7]), covariances)
+    now = of_one_time(stamps[:, 1], None if beside is None else beside.stamps)
+    return RelativePoses(stamps[now, 0], stamps[now, 1], poses_of(path, values[now, :7]), covariances[now])
 
 
 def relative_errors_of(poses: RelativePoses, truth: Trajectory, max_gap_s: float = 0.1) -> tuple[Array, Mask]:

@@ -8,12 +8,13 @@ import numpy as np
 
 from odom.errors import InputError
 from odom.evaluation.chain_report import chain_fields, trajectory_fields
-from odom.evaluation.files import read_run, read_tum
+from odom.evaluation.files import read_rows, read_run, read_tum
 from odom.evaluation.judgement import judge
 from odom.evaluation.mocap_calibration import Calibration, CalibrationOptions
 from odom.evaluation.pose_conventions import convention_notes
 from odom.evaluation.relative import RelativePoses, read_relative, relative_errors_of, relative_nees
 from odom.evaluation.report import EvaluationOptions, Report, evaluate
+from odom.evaluation.times import leap_note, of_one_time
 from odom.evaluation.trajectory import Trajectory
 from odom.evaluation.trajectory_plot import ClaimedError, plot
 from odom.evaluation.trajectory_plot import load_drawing as load_drawing
@@ -41,9 +42,9 @@ def report_with_truth(out_dir: Path, total_frames: int | None = None) -> dict[st
 
     Raises SourceError when `trajectory.txt` or `truth.txt` cannot be read.
     """
-    read = read_tum(out_dir / "truth.txt")
-    body = body_of(out_dir / "truth.txt")
     estimate = read_run(out_dir)
+    read = read_tum(out_dir / "truth.txt", estimate)
+    body = body_of(out_dir / "truth.txt")
     options = EvaluationOptions(total_frames=total_frames)
     mocap = CalibrationOptions() if body != CAMERA else None
 
@@ -53,13 +54,13 @@ def report_with_truth(out_dir: Path, total_frames: int | None = None) -> dict[st
     try:
         judged = judge(estimate, read, options, mocap)
     except InputError as error:
-        notes = [str(error), *convention_notes(read, None, report_by)]
+        notes = [str(error), *convention_notes(read, None, report_by), *_leaps(out_dir / "odometry.txt")]
         nothing = dict.fromkeys(_ERRORS + _NEES + _CALIBRATION)
         return {**nothing, "matched": 0, "total": max(total_frames or 0, len(estimate)), "truth_notes": notes}
     truth, final, calibration = judged.truth, judged.report, judged.calibration
     online = _online(out_dir / "odometry.txt", estimate, truth, options)
     files = (out_dir / "relative_step.txt", out_dir / "relative_second.txt")
-    step, second = (read_relative(path) if path.is_file() else None for path in files)
+    step, second = (read_relative(path, estimate) if path.is_file() else None for path in files)
     fields = {
         **error_fields(final),
         "ate_online_m": online.ate_m if online else None,
@@ -68,7 +69,7 @@ def report_with_truth(out_dir: Path, total_frames: int | None = None) -> dict[st
         **mocap_calibration_fields(calibration, body),
         "chain": chain_fields(out_dir, truth, options),
         "chain_closed": trajectory_fields(out_dir / "chain_closed.txt", truth, options),
-        "truth_notes": [*convention_notes(read, final, report_by), *judged.notes],
+        "truth_notes": [*convention_notes(read, final, report_by), *judged.notes, *_leaps(out_dir / "odometry.txt")],
     }
     try:
         plot(out_dir / "plot.png", final, online, _claimed(second, truth), remarks=remarks(calibration))
@@ -138,9 +139,18 @@ def _online(path: Path, final: Trajectory, truth: Trajectory, options: Evaluatio
     if not path.is_file():
         return None
     try:
-        return evaluate(read_tum(path).in_segments_of(final), truth, options)
+        return evaluate(read_tum(path, final).in_segments_of(final), truth, options)
     except InputError:
         return None
+
+
+def _leaps(path: Path) -> list[str]:
+    """Return what is to be said of a clock that leapt back between the poses in the file `path`, if there is one."""
+    if not path.is_file():
+        return []
+    stamps, _, _ = read_rows(path, "a pose", 1, None, may_be_cut=True)
+    note = leap_note(of_one_time(stamps[:, 0]))
+    return [note] if note else []
 
 
 def _nees_fields(poses: RelativePoses | None, truth: Trajectory, name: str) -> dict[str, Any]:

@@ -1,13 +1,16 @@
 """A trajectory: stamped poses of one body in one world, and its pose at any time between them."""
 
+import logging
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
+from itertools import compress
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from odom.errors import InputError
+from odom.evaluation.times import Stamps, leap_note, of_one_time
 from odom.frame import Stamp
 from odom.frame.brief import brief
 from odom.geometry.arrays import Array, Mask
@@ -16,7 +19,7 @@ from odom.geometry.rotations import matrices_of_vectors, vectors_of
 if TYPE_CHECKING:
     from odom.backend import TrajectoryPose
 
-Stamps = NDArray[np.int64]
+_LOG = logging.getLogger(__name__)
 
 _ROUNDED = 1e-6
 """How far the last row of a pose may be off 0 0 0 1 by rounding."""
@@ -65,15 +68,27 @@ class Trajectory:
 
     @classmethod
     def of(cls, poses: "Iterable[TrajectoryPose]") -> "Trajectory":
-        """Return the trajectory of the poses that `Odometry.finish` gives, without those where the camera was LOST."""
+        """Return the trajectory of the poses that `Odometry.finish` gives, without those where the camera was LOST.
+
+        Where the clock leapt back by more than a second, so that moments come twice, those of the longest time without
+        a leap.
+        """
         found = [(pose.stamp, pose.T_map_camera, pose.segment) for pose in poses if pose.T_map_camera is not None]
         stamps, T, segments = zip(*found, strict=True) if found else ((), np.zeros((0, 4, 4)), ())
-        return cls(np.array(stamps, dtype=np.int64), np.array(T), np.array(segments, dtype=np.int64))
+        all_stamps = np.array(stamps, dtype=np.int64)
+        kept = of_one_time(all_stamps)
+        if note := leap_note(kept):
+            _LOG.warning("%s", note)
+        return cls(all_stamps[kept], np.array(T)[kept], np.array(segments, dtype=np.int64)[kept])
 
     @classmethod
-    def by_stamp(cls, T_world_body: Mapping[Stamp, Array]) -> "Trajectory":
-        """Return the trajectory of poses (4 x 4) that are known by their stamps, in any order."""
-        stamps = sorted(T_world_body)
+    def by_stamp(cls, T_world_body: Mapping[Stamp, Array], beside: "Trajectory | None" = None) -> "Trajectory":
+        """Return the trajectory of poses (4 x 4) that are known by their stamps, in any order.
+
+        They are of one time where the clock leapt back: of the one that lasts longest `beside` another trajectory.
+        """
+        given = list(T_world_body)
+        stamps = sorted(compress(given, of_one_time(np.array(given), None if beside is None else beside.stamps)))
         return cls(np.array(stamps), np.array([T_world_body[at] for at in stamps]).reshape(-1, 4, 4))
 
     def __len__(self) -> int:

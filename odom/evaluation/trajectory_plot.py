@@ -10,7 +10,7 @@ import numpy as np
 
 from odom.evaluation.metrics import rmse
 from odom.evaluation.report import Report
-from odom.evaluation.trajectory import Stamps
+from odom.evaluation.times import Stamps
 from odom.geometry.arrays import Array
 
 if TYPE_CHECKING:

@@ -91,7 +91,9 @@ def scene_of(camera: Camera, timing: ShutterTiming, poses: Iterable[TrajectoryPo
         raise InputError("no frame has a pose: there is nothing to export")
     sizes = Counter(pose.segment for pose in found)
     ((segment, _),) = sizes.most_common(1)
-    members = map_.members(segment)
+    trajectory = replace(Trajectory.of(pose for pose in found if pose.segment == segment), segment=None)
+    of_other_times = {pose.stamp for pose in found if pose.segment == segment} - set(trajectory.stamps.tolist())
+    members = [keyframe for keyframe in map_.members(segment) if keyframe.stamp not in of_other_times]
     place = {keyframe.number: i for i, keyframe in enumerate(members)}
     rows = np.flatnonzero(map_.landmarks.alive)
     rows = rows[~map_.landmarks.is_vague(rows)]
@@ -114,5 +116,4 @@ def scene_of(camera: Camera, timing: ShutterTiming, poses: Iterable[TrajectoryPo
         for edge in map_.registrations.among(place.keys())
     )
     points = map_.landmarks.position[rows].copy()
-    trajectory = replace(Trajectory.of(pose for pose in found if pose.segment == segment), segment=None)
     return Scene(timing, trajectory, tuple(keyframes), points, edges, len(sizes))

@@ -168,7 +168,7 @@ def walk(
             "recording is too dark, too quick or too empty; look at it with odom doctor"
         )
     trajectory = Trajectory.of(odometry.finish())
-    bodies = {body: Trajectory.by_stamp(poses) for body, poses in truth.items()}
+    bodies = {body: Trajectory.by_stamp(poses, trajectory) for body, poses in truth.items()}
     return Walk(recorded, survey_of(odometry), trajectory, bodies)
 
 

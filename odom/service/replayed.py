@@ -49,8 +49,8 @@ def replay(source: Source, topics: Topics, settings: OdometrySettings, spoiler: 
         source.close()
     if odometry is None:
         raise RecordingError("no frame with a calibration")
-    bodies = {body: Trajectory.by_stamp(poses) for body, poses in truth.items()}
     trajectory = Trajectory.of(odometry.finish())
+    bodies = {body: Trajectory.by_stamp(poses, trajectory) for body, poses in truth.items()}
     return Replayed(estimates, trajectory, bodies, odometry.timing)
 
 

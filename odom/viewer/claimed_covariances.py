@@ -4,7 +4,7 @@ from collections import OrderedDict
 
 import numpy as np
 
-from odom.evaluation.trajectory import Stamps
+from odom.evaluation.times import Stamps
 from odom.frame import Stamp
 from odom.geometry.arrays import Array, Mask
 

@@ -23,7 +23,8 @@ from odom.evaluation.diagnosis.tracks import Tracks, follow
 from odom.evaluation.pose_conventions import convention_notes
 from odom.evaluation.report import Report, evaluate
 from odom.evaluation.run_report import CAMERA
-from odom.evaluation.trajectory import Stamps, Trajectory
+from odom.evaluation.times import Stamps
+from odom.evaluation.trajectory import Trajectory
 from odom.frame import Camera, RgbdFrame
 from odom.geometry.arrays import Array
 

@@ -5,7 +5,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from odom.evaluation.trajectory import Stamps, Trajectory
+from odom.evaluation.times import Stamps
+from odom.evaluation.trajectory import Trajectory
 from odom.frame import EXACT_DEPTH, Camera, RgbdFrame, corrected_depth
 from odom.geometry.arrays import Mask
 

@@ -11,7 +11,8 @@ from odom.evaluation.diagnosis.finding import WITHIN_95, Finding, Verdict
 from odom.evaluation.diagnosis.motion import PairMotion, pair_motion
 from odom.evaluation.diagnosis.tracks import Tracks
 from odom.evaluation.mocap_calibration import calibrate
-from odom.evaluation.trajectory import Stamps, Trajectory
+from odom.evaluation.times import Stamps
+from odom.evaluation.trajectory import Trajectory
 from odom.geometry import se3
 from odom.geometry.arrays import Array
 from odom.geometry.normal_distribution import NORMAL_MAD

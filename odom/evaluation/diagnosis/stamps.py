@@ -6,7 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from odom.evaluation.diagnosis.finding import Finding, Verdict
-from odom.evaluation.trajectory import Stamps, nearest
+from odom.evaluation.times import Stamps
+from odom.evaluation.trajectory import nearest
 
 _SHORT_QUANTILE, _SHORT_SPREAD = 0.15, 1.6
 """Intervals up to so many times this quantile are one period long: even when half of the frames are missing, a

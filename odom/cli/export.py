@@ -117,6 +117,8 @@ def _export_recording(
         surveyed = survey(recording, settings.odometry, progress, is_stopped, segmenter)
     is_read = not is_interrupted
     scene = surveyed.scene
+    if surveyed.off_px is not None:
+        typer.echo(f"the calibration given is off by {surveyed.off_px:.1f} px: another that was found is taken for all")
     of_parts = f", the largest of {scene.parts} parts" if scene.parts > 1 else ""
     typer.echo(
         f"{len(scene.trajectory)} of {len(surveyed.stamps)} frames{of_parts}: {len(scene.keyframes)} key frames, "

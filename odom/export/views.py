@@ -8,6 +8,8 @@ from numpy.typing import NDArray
 
 from odom.backend import Odometry, OdometrySettings
 from odom.backend.odometry.segmentation import Segmenter
+from odom.calibration.mid_run import MidRunCalibrator
+from odom.calibration.self_calibration import SelfCalibration
 from odom.errors import InputError
 from odom.export.rectify import Rectifier
 from odom.export.scene import Scene, SceneKeyframe, scene_of
@@ -19,6 +21,7 @@ from odom.frontend.matching.optical_flow import follow_there_and_back
 from odom.geometry import se3
 from odom.geometry.arrays import Array, Image, Index
 from odom.rgbd_recording import RgbdRecording
+from odom.service.run_calibration import final_calibration
 
 Progress = Callable[[int], None]
 
@@ -28,12 +31,17 @@ _THERE_AND_BACK_PX = 0.5
 
 @dataclass(frozen=True, eq=False)
 class Survey:
-    """A recording's scene, the stamp and sharpness of every frame, and what marks parts that are none of the scene."""
+    """A recording's scene as its `camera` sees it, the stamps and sharpness of its frames, and what is not of the scene.
 
+    `off_px` is how far off the calibration given was, where the `camera` is a better one.
+    """
+
+    camera: Camera
     scene: Scene
     stamps: tuple[Stamp, ...]
     sharpness: tuple[float, ...]
     segmenter: Segmenter | None = None
+    off_px: float | None = None
 
     def chosen(self, neighbours: int) -> dict[Stamp, Stamp]:
         """Return for each key frame's stamp that of the sharpest image with a pose within so many frames of it."""
@@ -73,10 +81,13 @@ def survey(
 ) -> Survey:
     """Run the odometry over a recording; `progress` is told the frames done, `is_stopped` may end it early.
 
-    What `segmenter` marks is left out. Raises InputError when no frame has a pose.
+    Where it finds a better calibration than the recording's, it runs over all of it once more with that: so poses,
+    landmarks and images are of one camera. What `segmenter` marks is left out. Raises InputError when no frame has a
+    pose.
     """
-    odometry = Odometry(recording.camera, settings, segmenter=segmenter)
-    stamps, values = [], []
+    calibrator = MidRunCalibrator() if settings.self_calibration else None
+    odometry = Odometry(recording.camera, settings, segmenter=segmenter, calibrator=calibrator)
+    stamps, values, is_cut = [], [], False
     for frame in recording:
         try:
             odometry.process(frame)
@@ -85,11 +96,16 @@ def survey(
         stamps.append(frame.stamp)
         values.append(sharpness(frame.color))
         progress(len(stamps))
-        if is_stopped():
+        if is_cut := is_stopped():
             break
     poses = odometry.finish()
+    better = SelfCalibration() if is_cut else final_calibration(odometry, has_map=False)
+    if better.found is not None:
+        again, as_it_is = replace(recording, camera=better.found.camera), {"self_calibration": False}
+        surveyed = survey(again, settings.model_copy(update=as_it_is), progress, is_stopped, segmenter)
+        return replace(surveyed, off_px=better.off_px)
     scene = scene_of(recording.camera, odometry.timing, poses, odometry.map)
-    return Survey(scene, tuple(stamps), tuple(values), segmenter)
+    return Survey(recording.camera, scene, tuple(stamps), tuple(values), segmenter)
 
 
 def views(survey: Survey, recording: RgbdRecording, neighbours: int = 0, unroll: bool = False) -> Iterator[View]:
@@ -98,7 +114,7 @@ def views(survey: Survey, recording: RgbdRecording, neighbours: int = 0, unroll:
     Lens distortion is undone, with `unroll` the rolling shutter too. Depth of what is no part of the scene is 0.
     """
     scene = survey.scene
-    rectifier = Rectifier(recording.camera, scene.timing.readout_s if unroll else 0.0)
+    rectifier = Rectifier(survey.camera, scene.timing.readout_s if unroll else 0.0)
     chosen = survey.chosen(neighbours)
     wanted = chosen.keys() | chosen.values()
     waiting = {keyframe.stamp: keyframe for keyframe in scene.keyframes}
@@ -110,7 +126,7 @@ def views(survey: Survey, recording: RgbdRecording, neighbours: int = 0, unroll:
         ready = [stamp for stamp in waiting if stamp in held and chosen[stamp] in held]
         for stamp in ready:
             keyframe = waiting.pop(stamp)
-            yield _view(scene, recording.camera, keyframe, held[stamp], held[chosen[stamp]], rectifier)
+            yield _view(scene, survey.camera, keyframe, held[stamp], held[chosen[stamp]], rectifier)
         still = {one for stamp in waiting for one in (stamp, chosen[stamp])}
         held = {stamp: kept for stamp, kept in held.items() if stamp in still}
 

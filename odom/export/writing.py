@@ -123,7 +123,7 @@ class Exporter:
 
     @cached_property
     def _pinhole(self) -> Camera:
-        return pinhole_of(self.recording.camera)
+        return pinhole_of(self.survey.camera)
 
     def _sightings(self) -> list[colmap.Sighting]:
         """Write the key frames' images, depths and covariances; return what each shows of the landmarks."""

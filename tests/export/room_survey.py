@@ -45,7 +45,7 @@ def exact_survey():
             T_a_b = se3.inverse(T[k - EVERY]) @ T[k]
             edges.append(Edge(number - 1, number, T_a_b, np.diag([1e-4, 2e-4, 3e-4, 1e-5, 2e-5, 3e-5])))
     scene = Scene(ShutterTiming(), Trajectory(stamps, T), tuple(keyframes), points, tuple(edges))
-    return Survey(scene, tuple(stamps.tolist()), (1.0,) * FRAMES)
+    return Survey(SMALL, scene, tuple(stamps.tolist()), (1.0,) * FRAMES)
 
 
 class RoomRecording:

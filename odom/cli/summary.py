@@ -24,7 +24,7 @@ def summary(report: Report, folder: Path) -> Iterator[str]:
     if report.get("unmatched_frames"):
         yield f"{report['unmatched_frames']} frames had no depth image beside them; they are used all the same"
     if report.get("unwritten"):
-        yield f"{report['unwritten']} lines or files could not be written: make room, then run it again"
+        yield f"{report['unwritten']} lines, files or changes of the map are not written: make room, then run it again"
     if report.get("ate_m") is not None:
         yield (
             f"against truth ({report['matched']}/{report['total']} poses): ATE {_figure(report['ate_m'], 4)} m, "

@@ -43,93 +43,61 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from odom.backend import Estimate, Odometry, OdometrySettings, RelativePose, State, TrajectoryPose
-    from odom.calibration.mid_run import MidRunCalibrator
-    from odom.errors import ConfigError, InputError, MapError, OdomError, RecordingError, SourceError
-    from odom.evaluation import EvaluationOptions, Report, Trajectory, evaluate
-    from odom.evaluation.files import read_tum, write_tum
-    from odom.evaluation.mocap_calibration import calibrate
-    from odom.frame import Camera, RgbdFrame, Stamp, from_seconds, to_seconds
-    from odom.map_file.map_file import MapFile
-    from odom.registration import (
-        KinectV1,
-        Pairs,
-        Prior,
-        RecursiveFilter,
-        Registration,
-        Verdict,
-        back_project,
-        point_covariances,
-        register,
-    )
-    from odom.rgbd_recording import RgbdRecording, read_recording
+    from odom.backend import Estimate as Estimate
+    from odom.backend import Odometry as Odometry
+    from odom.backend import OdometrySettings as OdometrySettings
+    from odom.backend import RelativePose as RelativePose
+    from odom.backend import State as State
+    from odom.backend import TrajectoryPose as TrajectoryPose
+    from odom.calibration.mid_run import MidRunCalibrator as MidRunCalibrator
+    from odom.errors import ConfigError as ConfigError
+    from odom.errors import InputError as InputError
+    from odom.errors import MapError as MapError
+    from odom.errors import OdomError as OdomError
+    from odom.errors import RecordingError as RecordingError
+    from odom.errors import SourceError as SourceError
+    from odom.evaluation import EvaluationOptions as EvaluationOptions
+    from odom.evaluation import Report as Report
+    from odom.evaluation import Trajectory as Trajectory
+    from odom.evaluation import evaluate as evaluate
+    from odom.evaluation.files import read_tum as read_tum
+    from odom.evaluation.files import write_tum as write_tum
+    from odom.evaluation.mocap_calibration import calibrate as calibrate
+    from odom.frame import Camera as Camera
+    from odom.frame import RgbdFrame as RgbdFrame
+    from odom.frame import Stamp as Stamp
+    from odom.frame import from_seconds as from_seconds
+    from odom.frame import to_seconds as to_seconds
+    from odom.map_file.map_file import MapFile as MapFile
+    from odom.registration import KinectV1 as KinectV1
+    from odom.registration import Pairs as Pairs
+    from odom.registration import Prior as Prior
+    from odom.registration import RecursiveFilter as RecursiveFilter
+    from odom.registration import Registration as Registration
+    from odom.registration import Verdict as Verdict
+    from odom.registration import back_project as back_project
+    from odom.registration import point_covariances as point_covariances
+    from odom.registration import register as register
+    from odom.rgbd_recording import RgbdRecording as RgbdRecording
+    from odom.rgbd_recording import read_recording as read_recording
 
     __version__: str
 
-__all__ = [
-    "Camera",
-    "ConfigError",
-    "Estimate",
-    "EvaluationOptions",
-    "InputError",
-    "KinectV1",
-    "MapError",
-    "MapFile",
-    "MidRunCalibrator",
-    "OdomError",
-    "Odometry",
-    "OdometrySettings",
-    "Pairs",
-    "Prior",
-    "RecordingError",
-    "RecursiveFilter",
-    "Registration",
-    "RelativePose",
-    "Report",
-    "RgbdFrame",
-    "RgbdRecording",
-    "SourceError",
-    "Stamp",
-    "State",
-    "Trajectory",
-    "TrajectoryPose",
-    "Verdict",
-    "__version__",
-    "back_project",
-    "calibrate",
-    "evaluate",
-    "from_seconds",
-    "point_covariances",
-    "read_recording",
-    "read_tum",
-    "register",
-    "to_seconds",
-    "write_tum",
-]
-
-_HOMES = {
-    "backend": ("Estimate", "Odometry", "OdometrySettings", "RelativePose", "State", "TrajectoryPose"),
-    "calibration.mid_run": ("MidRunCalibrator",),
-    "errors": ("ConfigError", "InputError", "MapError", "OdomError", "RecordingError", "SourceError"),
-    "evaluation": ("EvaluationOptions", "Report", "Trajectory", "evaluate"),
-    "evaluation.mocap_calibration": ("calibrate",),
-    "evaluation.files": ("read_tum", "write_tum"),
-    "frame": ("Camera", "RgbdFrame", "Stamp", "from_seconds", "to_seconds"),
-    "map_file.map_file": ("MapFile",),
-    "registration": (
-        "KinectV1",
-        "Pairs",
-        "Prior",
-        "RecursiveFilter",
-        "Registration",
-        "Verdict",
-        "back_project",
-        "point_covariances",
-        "register",
-    ),
-    "rgbd_recording": ("RgbdRecording", "read_recording"),
+_NAMES = {
+    "backend": "Estimate Odometry OdometrySettings RelativePose State TrajectoryPose",
+    "calibration.mid_run": "MidRunCalibrator",
+    "errors": "ConfigError InputError MapError OdomError RecordingError SourceError",
+    "evaluation": "EvaluationOptions Report Trajectory evaluate",
+    "evaluation.files": "read_tum write_tum",
+    "evaluation.mocap_calibration": "calibrate",
+    "frame": "Camera RgbdFrame Stamp from_seconds to_seconds",
+    "map_file.map_file": "MapFile",
+    "registration": "KinectV1 Pairs Prior RecursiveFilter Registration Verdict back_project point_covariances register",
+    "rgbd_recording": "RgbdRecording read_recording",
 }
-_HOME = {name: module for module, names in _HOMES.items() for name in names}
+_HOME = {name: module for module, names in _NAMES.items() for name in names.split()}
+
+__all__ = sorted([*_HOME, "__version__"])
 
 
 if not TYPE_CHECKING:  # a type checker would take every misspelt name for one that is there

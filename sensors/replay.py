@@ -36,8 +36,8 @@ log = logging.getLogger(__name__)
 _PEEK_BYTES = 128 << 20
 """Bytes of a recording read to find its streams (4 s of raw images); those that begin later are found by the index.
 Less: where there is none, as in cut recordings, one may be missed; more delays the start."""
-_MOST_LOGGED = 5
-"""Most damages of a recording that are logged, a line each; the others are only counted."""
+_MOST_TOLD = 5
+"""Most damages of a recording that are told, a line each; the others are only counted."""
 _MOST_BEHIND = 30
 """Messages that may come after much later ones of another topic before this is told: fewer are strays."""
 _MOST_LATE = 200
@@ -130,10 +130,16 @@ class ReplaySource:
                 "those of the stamps; write it again with each message's stamp as its log time",
                 self._reader.path, self._reader.behind,
             )  # fmt: skip
-        for damage in self._reader.damage[:_MOST_LOGGED]:
+        for damage in self.damage:
             log.warning("%s: %s", self._reader.path, damage)
-        if (more := len(self._reader.damage) - _MOST_LOGGED) > 0:
-            log.warning("%s: %d more of such damages (all: odom info %s)", self._reader.path, more, self._reader.path)
+
+    @property
+    def damage(self) -> list[str]:
+        """What is wrong with as much of the recording as was read: the first damages, and how many more."""
+        found = self._reader.damage
+        more = len(found) - _MOST_TOLD
+        rest = [f"{more} more of such damages (all: odom info {self._reader.path})"] if more > 0 else []
+        return [*found[:_MOST_TOLD], *rest]
 
     def _until_end(self, messages: Iterator[Message]) -> Iterator[Message]:
         """Yield the messages stamped before the end; reads on until _MOST_LATE messages in a row are later.

@@ -62,6 +62,11 @@ def refused_images(source: Source) -> Mapping[tuple[str, str], int]:
     return {key: count for key, count in refused.items() if key[0] in ("colour", "depth")}
 
 
+def damage_of(source: Source) -> list[str]:
+    """Return in words what of a recorded source was found cut, damaged or missing by the end of its messages."""
+    return list(getattr(source, "damage", ()))
+
+
 def serial_of(source: Source) -> str:
     """Return the serial number of a source that is a device, empty for any other."""
     return str(getattr(source, "serial", ""))

@@ -110,10 +110,15 @@ class TumSource:
 
     def close(self) -> None:
         """End `messages` at the next message, and say what was left out."""
-        if self.refused and not self._closed:
-            counts = ", ".join(f"{n} of {stream} ({why})" for (stream, why), n in sorted(self.refused.items()))
-            log.warning("%s: left out %s", self._folder, counts)
+        for damage in () if self._closed else self.damage:
+            log.warning("%s: %s", self._folder, damage)
         self._closed = True
+
+    @property
+    def damage(self) -> list[str]:
+        """What was left out so far, in words."""
+        counts = ", ".join(f"{n} of {stream} ({why})" for (stream, why), n in sorted(self.refused.items()))
+        return [f"left out {counts}"] if counts else []
 
     def _leave_out(self, stream: str, entry: TumEntry, error: Exception) -> None:
         kind = stream, _NO_POSE if stream == "truth" else _why(error, self._folder / entry.values[0])

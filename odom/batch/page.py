@@ -34,8 +34,8 @@ _DRAWN: dict[Any, Any] = {
 _STYLE = """
 body { font: 14px/1.5 sans-serif; margin: 2em; color: #222 } table { border-collapse: collapse }
 td, th { padding: .2em .7em; border-bottom: 1px solid #ddd; text-align: right; white-space: nowrap }
-td:first-child, th:first-child, td:nth-child(2) { text-align: left }
-td:nth-child(2) { max-width: 30em; white-space: normal }
+td:first-child, th:first-child, td:nth-child(2), td:nth-child(3) { text-align: left }
+td:nth-child(2), td:nth-child(3) { max-width: 30em; white-space: normal }
 .better { color: #0a7d32 } .worse { color: #c0232c } svg { max-width: 100%; height: auto }
 """
 

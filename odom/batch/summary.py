@@ -26,17 +26,20 @@ Row = dict[str, Any]
 
 
 def rows_of(jobs: Sequence[Job], failures: Mapping[str, str], baseline: Sequence[Row]) -> list[Row]:
-    """Return a row for each job: name, state, change and figures, and those of the baseline's row of the same content.
+    """Return a row for each job: name, state, damage, change and figures, and the baseline's of the same content.
 
-    `failures` says by the jobs' names why some have failed; figures that a report lacks are None.
+    `failures` says by the jobs' names why some have failed, `source_damage` what of a recording that is done was cut or
+    damaged; figures that a report lacks are None.
     """
     before = {row["content"]: row for row in baseline}
     rows = []
     for job in jobs:
-        figures = _figures(job.folder / "report.json") if job.is_done else dict.fromkeys(FIGURES)
+        report = _report(job.folder / "report.json") if job.is_done else {}
         state = DONE if job.is_done else (failures.get(job.name) or MISSING)
         old = before.get(job.content)
-        row: Row = {"name": _text(job.name), "state": _text(state), "change": "", **figures}
+        damage = "; ".join(report.get("source_damage", ()))
+        row: Row = {"name": _text(job.name), "state": _text(state), "source_damage": _text(damage), "change": ""}
+        row |= {name: report.get(name) for name in FIGURES}
         if baseline:
             row["change"] = "new" if old is None else change_of(old, row)
             row |= {f"baseline_{name}": None if old is None else old.get(name) for name in JUDGED}
@@ -61,18 +64,18 @@ def change_of(old: Row, new: Row) -> str:
     return directions.pop() if len(directions) == 1 else ("mixed" if directions else "same")
 
 
-def _figures(path: Path) -> Row:
+def _report(path: Path) -> Row:
     try:
-        report = json.loads(path.read_text())
+        report: Row = json.loads(path.read_text())
     except (OSError, ValueError) as error:
         raise SourceError(f"{path} cannot be read: {error}; remove its folder to have it made again") from error
-    report["parts"] = len(report.get("segments", ()))
-    return {name: report.get(name) for name in FIGURES}
+    return {**report, "parts": len(report.get("segments", ()))}
 
 
 def totals_of(rows: Sequence[Row]) -> dict[str, Any]:
-    """Return how many recordings are done, how many changed and how, and the medians of the judged figures."""
+    """Return how many recordings are done, damaged, and changed and how, and the medians of the judged figures."""
     totals: dict[str, Any] = {"recordings": len(rows), "done": sum(row["state"] == DONE for row in rows)}
+    totals["damaged"] = sum(bool(row["source_damage"]) for row in rows)
     for word in ("better", "worse", "mixed", "same", "new"):
         if any(row["change"] for row in rows):
             totals[word] = sum(row["change"] == word for row in rows)

@@ -87,10 +87,13 @@ def batch(
             run_here(due, jobs or max(1, (os.cpu_count() or 1) // 2), stop, done)
     for name, why in sorted(failures.items()):
         typer.echo(f"{name}: {why}", err=True)
+    rows = rows_of(planned, failures, before)
+    for row in rows:
+        if row["source_damage"]:
+            typer.echo(f"{row['name']}: done, but its source is damaged: {row['source_damage']}", err=True)
     count = sum(job.is_done for job in planned)
     typer.echo(f"{count} of {len(planned)} recordings done, {len(due)} of them were due")
     if shard is None:
-        rows = rows_of(planned, failures, before)
         write_summary(out, rows)
         changes = [f"{n} {word}" for word, n in totals_of(rows).items() if word in ("better", "worse", "mixed") and n]
         typer.echo(f"table: {out / 'summary.html'}{' (' + ', '.join(changes) + ')' if changes else ''}")

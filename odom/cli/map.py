@@ -6,12 +6,19 @@ from typing import Annotated
 
 import typer
 
+from odom.cli import signals
 from odom.cli.options import out_folder
 from odom.cli.outputs import check_place
 from odom.errors import ConfigError, OdomError
 
 map_ = typer.Typer(help="Maps that outlive a run: look into them, mend, merge and prune them.", no_args_is_help=True)
 MapName = Annotated[Path, typer.Argument(help="A map that `odom run SOURCE --map FILE` has made.")]
+
+
+@map_.callback()
+def interrupted_cleanly(context: typer.Context) -> None:
+    """Clean up what was begun, however the command is asked to end."""
+    context.with_resource(signals.as_ctrl_c())
 
 
 @map_.command("info")

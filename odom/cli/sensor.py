@@ -87,7 +87,7 @@ def _publish(
     from odom.wire.session import open_session
     from sensors.catalogue import open_source
     from sensors.process import END_OF_SOURCE, SensorProcess
-    from sensors.source import refused_images, serial_of
+    from sensors.source import damage_of, refused_images, serial_of
 
     cv2.setNumThreads(1)
     opened = signals.before(stop, lambda: open_source(source, selected))
@@ -100,7 +100,8 @@ def _publish(
                 report = process.run(stop, progress)
             finally:
                 has_ended = process.ended == END_OF_SOURCE
-                said = source_report(process.frames, opened.length, has_ended, refused_images(opened))
+                refused, damage = refused_images(opened), damage_of(opened)
+                said = source_report(process.frames, opened.length, has_ended, refused, damage)
                 hand_up(said | {"serial": serial_of(opened)})
     finally:
         opened.close()

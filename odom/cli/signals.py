@@ -5,8 +5,9 @@ import os
 import signal
 import sys
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor, wait
+from contextlib import contextmanager
 from types import FrameType
 from typing import TypeVar
 
@@ -35,6 +36,21 @@ def stop_event() -> threading.Event:
             signal.signal(number, handle)
         atexit.register(signal.signal, number, signal.SIG_IGN)
     return stop
+
+
+@contextmanager
+def as_ctrl_c() -> Iterator[None]:
+    """Let SIGTERM and SIGHUP raise KeyboardInterrupt meanwhile, as SIGINT does, so that what was begun is cleaned up.
+
+    SIGHUP stays ignored where it is (nohup). Only the main thread may call this.
+    """
+    numbers = [n for n in (signal.SIGTERM, signal.SIGHUP) if signal.getsignal(n) != signal.SIG_IGN]
+    handlers = {number: signal.signal(number, signal.default_int_handler) for number in numbers}
+    try:
+        yield
+    finally:
+        for number, handler in handlers.items():
+            signal.signal(number, handler)
 
 
 def before(stop: threading.Event, work: Callable[[], T]) -> T:

@@ -8,10 +8,13 @@ Report = dict[str, Any]
 
 
 def summary(report: Report, folder: Path) -> Iterator[str]:
-    """Yield the lines; of a report that lacks fields, since a process died or the disk was full, those that it has."""
+    """Yield the lines; of a report that lacks fields, since a process died or the disk was full, those that it has.
+
+    No file is named that is not in the `folder`, nor the folder when it is gone.
+    """
     yield _tracking(report)
     segments = report.get("segments") or []
-    if len(segments) > 1:
+    if len(segments) > 1 and (folder / "trajectory.txt").is_file():
         poses = [part["frames"] for part in segments]
         yield f"trajectory.txt is the largest of {len(poses)} parts never joined: {poses[0]} of {sum(poses)} poses"
     if report.get("fps") is not None:
@@ -23,8 +26,8 @@ def summary(report: Report, folder: Path) -> Iterator[str]:
     yield from _refused(report)
     if report.get("unmatched_frames"):
         yield f"{report['unmatched_frames']} frames had no depth image beside them; they are used all the same"
-    if report.get("unwritten"):
-        yield f"{report['unwritten']} lines or files could not be written: make room, then run it again"
+    if report.get("unwritten") and folder.is_dir():
+        yield f"{report['unwritten']} lines, files or changes of the map are not written: make room, then run it again"
     if report.get("ate_m") is not None:
         yield (
             f"against truth ({report['matched']}/{report['total']} poses): ATE {_figure(report['ate_m'], 4)} m, "
@@ -32,10 +35,12 @@ def summary(report: Report, folder: Path) -> Iterator[str]:
         )
     for note in report.get("truth_notes") or ():
         yield f"note: {note}"
-    yield from _calibration(report)
+    if (folder / "camera-calibrated.yaml").is_file():
+        yield from _calibration(report)
     for name, ending in report.get("failed", {}).items():
         yield f"the {name} {ending}" + ("; the run went on without it" if name in ("viewer", "recorder") else "")
-    yield f"files: {folder}"
+    if folder.is_dir():
+        yield f"files: {folder}"
 
 
 def _tracking(report: Report) -> str:

@@ -19,24 +19,19 @@ if TYPE_CHECKING:
     from odom.evaluation.report import evaluate as evaluate
     from odom.evaluation.trajectory import Trajectory as Trajectory
 
-_MODULES = {
-    "Alignment": "alignment",
-    "EvaluationOptions": "report",
-    "Nees": "metrics",
-    "RelativeError": "metrics",
-    "Report": "report",
-    "Trajectory": "trajectory",
-    "align": "alignment",
-    "evaluate": "report",
-    "nees": "metrics",
-    "relative_error": "metrics",
+_NAMES = {
+    "alignment": "Alignment align",
+    "metrics": "Nees RelativeError nees relative_error",
+    "report": "EvaluationOptions Report evaluate",
+    "trajectory": "Trajectory",
 }
-"""The module of each name."""
-__all__ = list(_MODULES)
+_HOME = {name: module for module, names in _NAMES.items() for name in names.split()}
+
+__all__ = sorted(_HOME)
 
 
 def __getattr__(name: str) -> Any:
     """Import a name on first use: who needs one module of this package does not load scipy for the others."""
-    if name in _MODULES:
-        return getattr(import_module(f"odom.evaluation.{_MODULES[name]}"), name)
+    if name in _HOME:
+        return getattr(import_module(f"odom.evaluation.{_HOME[name]}"), name)
     raise AttributeError(name)

@@ -200,8 +200,8 @@ class MapFile:
 
     @property
     def unwritten(self) -> int:
-        """How often changes could not be written."""
-        return 0 if self._writer is None else self._writer.failures
+        """Changes that are not on disk since they could not be written: 0 once they are."""
+        return 0 if self._writer is None else self._writer.unwritten
 
     def flush(self) -> None:
         """Wait until all changes are on disk, or could not be written."""

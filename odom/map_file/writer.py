@@ -48,16 +48,16 @@ class _Waiting:
         keyframes, edges = tuple(self.keyframes.values()), tuple(self.edges.values())
         return MapChanges(keyframes, edges, self.details, self.next_identity, self.sensor, self.poses)
 
-    @property
-    def is_empty(self) -> bool:
-        return not (self.keyframes or self.edges or self.details or self.poses)
+    def __len__(self) -> int:
+        return len(self.keyframes) + len(self.edges) + len(self.details) + len(self.poses)
 
 
 class MapWriter:
-    """Writes changes to the map at `path`, which says that it holds `counts`; `failures` counts what went wrong."""
+    """Writes changes to the map at `path`, which says that it holds `counts`."""
 
     def __init__(self, path: Path, counts: Counts) -> None:
-        self.failures = 0
+        self._is_failed = False
+        self._lost = 0
         self._path, self._counts = path, counts
         self._db = connect(path, is_written=True)
         self._coming = _Waiting()
@@ -75,9 +75,16 @@ class MapWriter:
             surplus = list(self._coming.details)[:-_MOST_DETAILS]
             for number in surplus:
                 del self._coming.details[number]
+            self._lost += len(surplus)
             self._condition.notify_all()
         if surplus:
             _LOG.error("%s: what %d key frames measured is lost: the disk has had no room", self._path, len(surplus))
+
+    @property
+    def unwritten(self) -> int:
+        """Changes that wait since writing failed, and those that could not wait any longer: 0 when all is on disk."""
+        with self._condition:
+            return self._lost + (len(self._coming) + len(self._writing) if self._is_failed else 0)
 
     def waiting(self, number: int) -> SavedDetails | None:
         """Return what a key frame measured, if that is not on disk yet."""
@@ -89,9 +96,7 @@ class MapWriter:
         with self._condition:
             tried = self._tried
             self._condition.notify_all()
-            self._condition.wait_for(
-                lambda: (self._coming.is_empty and self._writing.is_empty) or self._tried > tried + 1
-            )
+            self._condition.wait_for(lambda: not (self._coming or self._writing) or self._tried > tried + 1)
 
     def close(self) -> None:
         """Write what waits, as far as there is room, and end."""
@@ -102,20 +107,21 @@ class MapWriter:
         self._db.close()
 
     def _work(self) -> None:
-        is_failed = is_last = False
+        is_last = False
         while True:
             with self._condition:
-                if is_failed and not self._ends:
+                if self._is_failed and not self._ends:
                     self._condition.wait(_RETRY_S)
-                self._condition.wait_for(lambda: self._ends or not self._coming.is_empty)
-                if self._coming.is_empty or is_last:
+                self._condition.wait_for(lambda: self._ends or self._coming)
+                if not self._coming or is_last:
                     return
                 is_last = self._ends
                 self._writing, self._coming = self._coming, _Waiting()
-            is_failed = not self._try_to_write(self._writing.changes())
-            is_last = is_last and is_failed
+            is_written = self._try_to_write(self._writing.changes())
             with self._condition:
-                if is_failed:
+                self._is_failed = not is_written
+                is_last = is_last and self._is_failed
+                if self._is_failed:
                     newer, self._coming = self._coming, self._writing
                     self._coming.add(newer.changes())
                 self._writing = _Waiting()
@@ -127,10 +133,11 @@ class MapWriter:
         try:
             write(self._db, counts, changes)
         except (sqlite3.Error, OdomError, OSError) as error:
-            if not self.failures:
-                _LOG.error("%s cannot be written (tried again; failures are counted): %s", self._path, error)
-            self.failures += 1
+            if not self._is_failed:
+                _LOG.error("%s cannot be written (tried again until there is room): %s", self._path, error)
             return False
+        if self._is_failed:
+            _LOG.warning("%s is written again, with what had to wait", self._path)
         self._counts = counts
         return True
 

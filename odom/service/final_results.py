@@ -25,6 +25,7 @@ def save_results(
     give_back_freed()  # the final adjustment takes the most memory of the run
     odometry.finish_map()
     keeper.save(odometry)
+    statistics.unwritten_changes = keeper.unwritten
     statistics.add_loops(odometry.late_loops)
     publisher.publish_loops(odometry.late_loops)
     test, closed = odometry.closing_test(), odometry.closed_chain()

@@ -98,7 +98,7 @@ def _run(
     if not written:
         raise OdomError(f"{plan.out} holds no report.json, since it could not be written: make room, then run it again")
     if unwritten := report.get("unwritten"):
-        raise OdomError(f"{unwritten} lines or files could not be written to {plan.out}: make room, then run it again")
+        raise OdomError(f"{unwritten} lines, files or changes of the map are not written: make room, then run it again")
     return report, processes.was_stopped
 
 

@@ -23,7 +23,6 @@ class MapKeeper:
     def __init__(self, path: Path | None, localize: bool = False) -> None:
         self._file = None if path is None else MapFile(path, is_written=not localize)
         self._taken = Stamp(0)
-        self._known_failures = 0
 
     def begin(self, camera: Camera, odometry: Odometry | None) -> SavedMap | None:
         """Return the map for a camera, after the changes by the `odometry` before were written.
@@ -52,11 +51,10 @@ class MapKeeper:
             self.hand_on(odometry)
             self._file.flush()
 
-    def new_failures(self) -> int:
-        """Return how many times since the last call the map could not be written."""
-        failures = 0 if self._file is None else self._file.unwritten
-        new, self._known_failures = failures - self._known_failures, failures
-        return new
+    @property
+    def unwritten(self) -> int:
+        """Changes that are not on disk since they could not be written: 0 once they are."""
+        return 0 if self._file is None else self._file.unwritten
 
     @property
     def has_map(self) -> bool:

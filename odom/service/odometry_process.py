@@ -62,7 +62,7 @@ def serve(
             notify_service_manager("STOPPING=1")
             process.close()
         if until_end and (unwritten := process.statistics.unwritten):
-            raise OdomError(f"{unwritten} lines or files could not be written: make room, then run it again")
+            raise OdomError(f"{unwritten} lines, files or changes of the map are not written: make room, run it again")
 
 
 class OdometryProcess:
@@ -142,9 +142,9 @@ class OdometryProcess:
         try:
             write(self._files)
         except OSError as error:
-            if not self.statistics.unwritten:
+            if not self.statistics.unwritten_lines:
                 _LOG.error("%s cannot be written (tried again; failures are counted): %s", self._files.folder, error)
-            self.statistics.unwritten += 1
+            self.statistics.unwritten_lines += 1
 
     def _begin_odometry(self, camera: Camera) -> None:
         saved = self._keeper.begin(camera, self._odometry)
@@ -229,7 +229,7 @@ class OdometryProcess:
 
     def _update_counts(self) -> None:
         counts = self.statistics
-        counts.unwritten += self._keeper.new_failures()
+        counts.unwritten_changes = self._keeper.unwritten
         counts.lost_frames, counts.unmatched_frames = self._receiver.lost_frames, self._receiver.unmatched_frames
         counts.color, counts.depth = self._receiver.color, self._receiver.depth
         counts.dropped = self._receiver.dropped | ({NOT_TRACKABLE: counts.refused} if counts.refused else {})

@@ -8,7 +8,7 @@ from contextlib import contextmanager, suppress
 from itertools import count
 from pathlib import Path
 
-from odom.errors import ConfigError
+from odom.errors import ConfigError, OdomError
 
 _LOG = logging.getLogger(__name__)
 _LOCK = ".written-by"
@@ -38,7 +38,8 @@ def held(folder: Path) -> Iterator[int]:
     """Make the folder and hold it until the end; yields the descriptor of the lock, for a child that writes there too.
 
     The system releases the lock when the last process that holds it has ended, however it ended. Raises ConfigError
-    naming the process that holds it, or when the folder cannot be made or written.
+    naming the process that holds it, or when the folder cannot be made or written; at the end OdomError, in place of
+    what failed for it, when the folder is gone.
     """
     inherited = os.environ.pop(HELD_ENVIRONMENT, None)
     path = folder / _LOCK
@@ -50,10 +51,19 @@ def held(folder: Path) -> Iterator[int]:
         raise ConfigError(f"{folder} cannot be written: {error.strerror}; give another --out") from error
     try:
         yield descriptor
+        _check_there(folder)
+    except (OdomError, OSError):
+        _check_there(folder)
+        raise
     finally:
         if not is_inherited:
             path.unlink(missing_ok=True)
             os.close(descriptor)
+
+
+def _check_there(folder: Path) -> None:
+    if not folder.is_dir():
+        raise OdomError(f"{folder} is gone, with all that was written there: let nothing remove it, and run it again")
 
 
 def _locked(path: Path) -> int:

@@ -73,8 +73,8 @@ class RunStatistics:
     `color` and `depth` count what became of the images before they reached the odometry, `refused` counts the frames
     that it did not take, `lost_for` those that are LOST, by reason; `chain_holes` those with a pose that the chain
     could not link to an earlier one; `dropped` counts all bad input by its kind, `forgotten_*` what the odometry gave
-    up to stay within its memory, `unwritten` lines and files that could not be written; `source_end` is what the source
-    said when it ended.
+    up to stay within its memory, `unwritten_lines` lines and files that could not be written, `unwritten_changes` those
+    of the map that are not on disk by now; `source_end` is what the source said when it ended.
     """
 
     processing: Durations = field(default_factory=Durations)
@@ -99,7 +99,8 @@ class RunStatistics:
     refused: int = 0
     lost_frames: int = 0
     unmatched_frames: int = 0
-    unwritten: int = 0
+    unwritten_lines: int = 0
+    unwritten_changes: int = 0
     source_end: str | None = None
     _begun: tuple[float, float] | None = None
     _ended: tuple[float, float] = (0.0, 0.0)
@@ -145,6 +146,11 @@ class RunStatistics:
     def tracked(self) -> int:
         """Frames with a pose that may be trusted."""
         return self.states[State.TRACKING] + self.states[State.RECOVERED]
+
+    @property
+    def unwritten(self) -> int:
+        """Lines, files and changes of the map that could not be written, and are missing."""
+        return self.unwritten_lines + self.unwritten_changes
 
     @property
     def wall_s(self) -> float:

@@ -13,6 +13,7 @@ from pydantic import BaseModel, Field
 
 from odom.errors import ConfigError
 from odom.wire.optional_file import OptionalFile
+from odom.wire.passwords import check_users, first_line
 from odom.wire.text_list import TextList
 from odom.wire.topics import TF, TRUTH_HISTORY
 
@@ -61,7 +62,7 @@ def secured(endpoints: Iterable[str], settings: SecuritySettings) -> list[str]:
 
 
 def security_configuration(settings: SecuritySettings) -> dict[str, Any]:
-    """Return the Zenoh configuration, path to value. Raises ConfigError for files that are missing or incomplete."""
+    """Return the Zenoh configuration, path to value. Raises ConfigError for files that are missing or wrong."""
     configuration: dict[str, Any] = {}
     files = [file for file in (settings.certificate, settings.key, settings.ca) if file is not None]
     if len(files) not in (0, 3):
@@ -85,13 +86,12 @@ def security_configuration(settings: SecuritySettings) -> dict[str, Any]:
     if settings.user:
         if settings.password_file is None:
             raise ConfigError(f"user {settings.user}: give the file that holds the password (--password-file)")
-        lines = Path(_readable(settings.password_file)).read_text().splitlines()
-        if not lines or not lines[0]:
-            raise ConfigError(f"{settings.password_file} holds no password in its first line")
+        _readable(settings.password_file)
         configuration["transport/auth/usrpwd/user"] = settings.user
-        configuration["transport/auth/usrpwd/password"] = lines[0]
+        configuration["transport/auth/usrpwd/password"] = first_line(settings.password_file)
     if settings.users_file:
         configuration["transport/auth/usrpwd/dictionary_file"] = _readable(settings.users_file)
+        check_users(settings.users_file)
     if settings.access:
         if not (settings.tls or settings.users_file):
             raise ConfigError("rules need identities: give --tls or a users file with them")

@@ -106,6 +106,19 @@ def test_a_killed_run_starts_again_and_what_is_done_is_not_done_again(tmp_path):
     assert row_again["change"] == "same"
 
 
+@pytest.mark.long
+def test_a_recording_that_was_cut_is_done_and_said_to_be_cut(tmp_path):
+    recordings, out = cut(tmp_path / "pieces", 1, 1.2, 3.0), tmp_path / "out"
+    (piece,) = recordings.iterdir()
+    piece.write_bytes(piece.read_bytes()[: piece.stat().st_size * 2 // 3])
+    for _ in range(2):
+        words = finished(odom("batch", recordings, "--out", out))
+        assert "piece-00: done, but its source is damaged: cut at byte" in words
+    (row,) = json.loads((out / "summary.json").read_text())["recordings"]
+    assert row["state"] == "done"
+    assert row["source_damage"].startswith("cut at byte")
+
+
 def _against(recordings, out, baseline, kept):
     """The summary of a batch against a baseline of its own."""
     baseline.mkdir()

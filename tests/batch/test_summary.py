@@ -41,6 +41,20 @@ def test_a_row_says_what_the_report_says_or_why_there_is_none(jobs):
     assert rows_of(jobs, {}, [])[2]["state"] == "not done"
 
 
+def test_a_damaged_recording_is_told_from_a_whole_one_in_every_table(jobs, tmp_path):
+    damage = ["cut at byte 9: what came later is missing", "3 more <of such>"]
+    rows = rows_of([*jobs, job("cut", tmp_path / "results", source_damage=damage)], {}, [])
+    assert [row["source_damage"] for row in rows] == ["", "", "", "; ".join(damage)]
+    assert rows[3]["state"] == "done"
+    assert totals_of(rows)["damaged"] == 1
+    write_summary(tmp_path, rows)
+    with (tmp_path / "summary.csv").open() as file:
+        assert [line["source_damage"] for line in csv.DictReader(file)][3] == "; ".join(damage)
+    words = (tmp_path / "summary.html").read_text()
+    assert "what came later is missing; 3 more &lt;of such&gt;" in words
+    assert "damaged 1" in words
+
+
 @pytest.mark.parametrize(
     ("now", "word"),
     [

@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 
 from odom.cli import app
 from odom.errors import ConfigError, MapError, OdomError
-from odom.map_file import arrays, database, records
+from odom.map_file import arrays, database, records, writer
 from odom.map_file.arrays import checked, pack, unchecked, unpack
 from odom.map_file.counts import Counts
 from odom.map_file.map_file import MapFile
@@ -182,7 +182,7 @@ def test_what_would_unpack_to_more_than_any_value_has_is_refused(monkeypatch, st
         unpack(content)
 
 
-def test_a_full_disk_is_counted_and_made_good(tmp_path):
+def test_a_full_disk_is_counted_until_it_is_made_good(tmp_path):
     path = tmp_path / "full.map"
     opened = MapFile(path, is_written=True)
     opened.begin(CAMERA)
@@ -197,5 +197,23 @@ def test_a_full_disk_is_counted_and_made_good(tmp_path):
     assert opened.unwritten > 0
     assert opened.fetch(3) is not None
     opened._writer._db.execute("PRAGMA max_page_count = 100000")
+    opened.flush()
+    assert opened.unwritten == 0
     opened.close()
     assert len(read(path)[0]) == 4
+
+
+def test_what_a_full_disk_made_the_writer_drop_stays_counted(tmp_path, monkeypatch):
+    monkeypatch.setattr(writer, "_MOST_DETAILS", 1)
+    opened = MapFile(tmp_path / "full.map", is_written=True)
+    opened.begin(CAMERA)
+    assert opened._writer is not None
+    pages = opened._writer._db.execute("PRAGMA page_count").fetchone()[0]
+    opened._writer._db.execute(f"PRAGMA max_page_count = {pages}")
+    for number in range(3):
+        opened.put(made_up_map.changes(number))
+        opened.flush()
+    opened._writer._db.execute("PRAGMA max_page_count = 100000")
+    opened.flush()
+    assert opened.unwritten == 2
+    opened.close()

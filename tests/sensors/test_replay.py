@@ -13,7 +13,7 @@ from odom.wire.codec import encode_camera_info, encode_color, encode_depth
 from odom.wire.recording import RecordingReader, RecordingWriter
 from odom.wire.recording.mcap_file import McapFile
 from sensors.catalogue import open_source
-from sensors.source import SourceOptions
+from sensors.source import SourceOptions, damage_of
 
 TOPICS = Topics("cam0")
 BEGIN = 1_700_000_000_000_000_000
@@ -100,3 +100,15 @@ def test_of_many_damages_the_first_are_told_and_the_others_counted(
     assert len(list(source.messages())) == 2 * FRAMES + 1
     assert len([record for record in caplog.records if record.levelname == "WARNING"]) == 6
     assert "35 more" in caplog.records[-1].getMessage()
+
+
+def test_a_source_says_whether_its_recording_was_cut(tmp_path: Path) -> None:
+    whole, cut = record(tmp_path / "whole.mcap", {}), tmp_path / "cut.mcap"
+    cut.write_bytes(whole.read_bytes()[: whole.stat().st_size // 2])
+    said = []
+    for path in (whole, cut):
+        source = open_source(str(path), SourceOptions(topics=TOPICS))
+        list(source.messages())
+        said.append(damage_of(source))
+    assert said[0] == []
+    assert [words.startswith("cut at byte") for words in said[1]] == [True]

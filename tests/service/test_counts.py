@@ -71,12 +71,13 @@ def test_what_the_sensor_left_out_and_what_did_not_arrive_are_in_the_sum(
         "colour": {"given": used + refused, "used": used, "refused": {"cannot be read": refused}},
         "depth": {"given": 7, "used": 7, "refused": {}},
     }  # fmt: skip
-    source = source_report(sent, sent + left_out + missing, True, {("colour", "no such file"): left_out})
+    source = source_report(sent, sent + left_out + missing, True, {("colour", "no such file"): left_out}, ["cut"])
     whole = with_source(report, json.loads(json.dumps(source)))
     color = whole["colour"]
     assert color["given"] == sent + left_out + missing == color["used"] + sum(color["refused"].values())
     assert whole["completeness"] == (round(whole["tracked"] / color["given"], 4) if color["given"] else None)
     assert whole["depth"] == report["depth"]
+    assert whole["source_damage"] == ["cut"]
     assert next(iter(summary(whole, Path()))).startswith(f"{used // 2} of {color['given']} frames tracked")
 
 
@@ -101,6 +102,8 @@ def test_a_run_over_a_broken_folder_says_what_became_of_every_image(odom: Start,
     assert "colour images: 50 of 60 used; not used: 5 no such file, 5 damaged file" in words
     assert "9 frames had no depth image beside them; they are used all the same" in words
     assert words.count("left out") == 5  # the first of each kind, and the counts
+    counts = "5 of colour (damaged file), 5 of colour (no such file), 9 of depth (no such file), 60 of truth (no pose)"
+    assert report["source_damage"] == [f"left out {counts}"]
 
 
 @pytest.mark.parametrize("stream", ["colour", "depth"])

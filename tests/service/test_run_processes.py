@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import nullcontext
 from itertools import count, repeat
 from pathlib import Path
+from shutil import rmtree
 from types import SimpleNamespace
 from typing import Any
 from unittest.mock import MagicMock
@@ -182,6 +183,30 @@ def test_the_report_is_told_when_the_disk_is_full(tmp_path: Path, monkeypatch: p
     with pytest.raises(OdomError, match="make room"):
         run(RunPlan("arena", tmp_path), Settings(), threading.Event(), told.append)
     assert next(iter(summary(told[0], tmp_path))).startswith("4 of 5 frames tracked")
+
+
+@pytest.mark.process
+@pytest.mark.parametrize("has_failed", [False, True])
+def test_a_folder_that_vanished_is_told_and_none_of_its_files_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, has_failed: bool
+) -> None:
+    out, told = tmp_path / "out", []
+
+    class Vanishing(DoneChild):
+        def __init__(self, name: str, arguments: object, environment: object, say: Says, held: object) -> None:
+            super().__init__(name, arguments, environment, say, held)
+            if name == "odometry":
+                parts = [{"frames": 3}, {"frames": 1}]
+                say(name, "@report " + json.dumps({"frames": 5, "tracked": 4, "unwritten": 1, "segments": parts}))
+                self.failed = has_failed
+                rmtree(out)
+
+    monkeypatch.setattr("odom.service.run_processes.ChildProcess", Vanishing)
+    monkeypatch.setattr(Vanishing, "ending", lambda self: "ended with status 1", raising=False)
+    with pytest.raises(OdomError, match=f"^{out} is gone, with all that was written there") as refused:
+        run(RunPlan("arena", out), Settings(), threading.Event(), told.append)
+    lines = [str(refused.value), *summary(told[0], out)]
+    assert not any(words in line for line in lines for words in ("make room", "files:", "trajectory.txt", "is in"))
 
 
 def test_a_recorder_that_died_early_is_stood_in_for_until_the_source_has_seen_it(

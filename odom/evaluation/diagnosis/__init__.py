@@ -5,21 +5,12 @@ tests/evaluation/test_doctor.py is found there and a good recording passes. A sm
 a larger one misses faults, unless the limit says otherwise.
 """
 
-from odom.evaluation.diagnosis.examine import examine
-from odom.evaluation.diagnosis.finding import Finding, Verdict
-from odom.evaluation.diagnosis.form import advice_on_refused
-from odom.evaluation.diagnosis.recording import NO_FILE, NOT_DEPTH, Recording
-from odom.evaluation.diagnosis.tracking import judge_tracking
-from odom.evaluation.diagnosis.z_levels import judge_levels
-
-__all__ = [
-    "NOT_DEPTH",
-    "NO_FILE",
-    "Finding",
-    "Recording",
-    "Verdict",
-    "advice_on_refused",
-    "examine",
-    "judge_levels",
-    "judge_tracking",
-]
+from odom.evaluation.diagnosis.examine import examine as examine
+from odom.evaluation.diagnosis.finding import Finding as Finding
+from odom.evaluation.diagnosis.finding import Verdict as Verdict
+from odom.evaluation.diagnosis.form import advice_on_refused as advice_on_refused
+from odom.evaluation.diagnosis.recording import NO_FILE as NO_FILE
+from odom.evaluation.diagnosis.recording import NOT_DEPTH as NOT_DEPTH
+from odom.evaluation.diagnosis.recording import Recording as Recording
+from odom.evaluation.diagnosis.tracking import judge_tracking as judge_tracking
+from odom.evaluation.diagnosis.z_levels import judge_levels as judge_levels

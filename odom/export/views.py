@@ -31,7 +31,7 @@ _THERE_AND_BACK_PX = 0.5
 
 @dataclass(frozen=True, eq=False)
 class Survey:
-    """A recording's scene as its `camera` sees it, the stamps and sharpness of its frames, and what is not of the scene.
+    """A recording's scene as its `camera` sees it, stamp and sharpness of each frame, and what marks other things in them.
 
     `off_px` is how far off the calibration given was, where the `camera` is a better one.
     """

@@ -31,7 +31,7 @@ _THERE_AND_BACK_PX = 0.5
 
 @dataclass(frozen=True, eq=False)
 class Survey:
-    """A recording's scene as its `camera` sees it, stamp and sharpness of each frame, and what marks other things in them.
+    """A recording's scene as its `camera` sees it, stamps and sharpness of the frames, and what marks other things.
 
     `off_px` is how far off the calibration given was, where the `camera` is a better one.
     """

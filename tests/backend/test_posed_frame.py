@@ -20,10 +20,12 @@ ASIDE = se3.exp(np.array([0.1, 0.0, 0.0, 0.0, 0.0, 0.0]))
 BEGINNING = PosedFrame.at_beginning(blank_view(0), np.eye(4), bare_keyframe(0, np.eye(4)))
 
 
-def frame_after(seconds: float) -> PosedFrame:
-    """The frame of a camera at rest, so many seconds after its segment began."""
-    view = replace(blank_view(1), steady_stamp=SteadyStamp(round(1e9 * seconds)))
-    return replace(BEGINNING, view=view, tracked=cast(Any, SimpleNamespace()), is_bent=False)
+def frame_after(seconds: float, disputed_s: float | None = None) -> PosedFrame:
+    """The frame of a camera at rest, so many seconds after its segment began; its pose is disputed for `disputed_s`."""
+    stamp = round(1e9 * seconds)
+    since = None if disputed_s is None else SteadyStamp(stamp - round(1e9 * disputed_s))
+    view, tracked = replace(blank_view(1), steady_stamp=SteadyStamp(stamp)), SimpleNamespace(disputed_since=since)
+    return replace(BEGINNING, view=view, tracked=cast(Any, tracked), is_bent=False)
 
 
 def test_after_a_segments_first_frame_the_camera_may_be_as_far_as_a_hand_moves_it() -> None:
@@ -34,6 +36,11 @@ def test_after_a_segments_first_frame_the_camera_may_be_as_far_as_a_hand_moves_i
 
 def test_shortly_after_a_segment_began_its_pose_is_as_unsure_as_if_the_velocity_had_not_been_known() -> None:
     assert frame_after(0.2).expected_after(PERIOD_S).is_within_reach(ASIDE)
+
+
+def test_the_longer_features_have_disagreed_with_the_pose_the_farther_the_camera_may_be_from_where_it_leads() -> None:
+    assert not frame_after(10.0, 0.0).expected_after(PERIOD_S).is_within_reach(ASIDE)
+    assert frame_after(10.0, 0.2).expected_after(PERIOD_S).is_within_reach(ASIDE)
 
 
 @pytest.mark.parametrize("since_begun_s", [TUNING.young_s + PERIOD_S, -10.0])

@@ -7,7 +7,7 @@ import pytest
 from painted_room import SMALL, START, PaintedRoom, stroll
 
 from odom import Odometry, OdometrySettings
-from odom.backend import Estimate
+from odom.backend import Estimate, State
 from odom.evaluation.painter import Painter
 from odom.evaluation.passers_by import PasserBy, passers_by
 from odom.frontend.camera.lens import Lens
@@ -32,7 +32,21 @@ class Leaver(PasserBy):
         return T
 
 
-def walk(body: Leaver, seconds: float, settings: OdometrySettings | None = None):
+@dataclass(frozen=True, eq=False)
+class Pushed(Leaver):
+    """A body that stands where it is until `leaves_s`, and is then pushed to the side, quicker and quicker."""
+
+    acceleration_m_s2: float = 0.5
+
+    def T_anchor_body(self, t: float) -> Array:
+        T, since_s = np.eye(4), max(0.0, t - self.leaves_s)
+        until_s = min(since_s, self.speed_m_s / self.acceleration_m_s2)
+        T[0, 3] = 0.15 + 0.5 * self.acceleration_m_s2 * until_s**2 + self.speed_m_s * (since_s - until_s)
+        T[2, 3] = self.distance_m
+        return T
+
+
+def walk(body: Leaver, seconds: float, settings: OdometrySettings | None = None, rate_hz: int = RATE_HZ):
     """Run the odometry before a body; yield time, odometry, estimate and T_map_camera of each frame."""
     T_room_anchor = stroll(0.0)
 
@@ -41,9 +55,9 @@ def walk(body: Leaver, seconds: float, settings: OdometrySettings | None = None)
 
     painter = Painter(SMALL, (body,), START, T_camera_anchor, Lens.of(SMALL))
     odometry = Odometry(SMALL, settings)
-    for number in range(int(seconds * RATE_HZ)):
-        t = number / RATE_HZ
-        frame, _ = painter.paint(ROOM.frame(SMALL, 30 // RATE_HZ * number, stroll(t)))
+    for number in range(int(seconds * rate_hz)):
+        t = number / rate_hz
+        frame, _ = painter.paint(ROOM.frame(SMALL, 30 // rate_hz * number, stroll(t)))
         yield t, odometry, odometry.process(frame), se3.inverse(T_room_anchor) @ stroll(t)
 
 
@@ -86,6 +100,18 @@ def test_a_box_that_is_carried_away_leaves_the_map_within_a_second_and_the_pose_
     assert np.abs(np.diff(offs_m)).max() < 0.01
     assert before >= 10
     assert max(after) <= 0.05 * before
+
+
+@pytest.mark.rendered
+def test_a_box_that_is_pushed_off_does_not_take_the_camera_along() -> None:
+    (one,) = passers_by(SMALL, 1.0, share=0.3, speed_m_s=0.6)
+    values = {name: getattr(one, name) for name in one.__dataclass_fields__}
+    box = Pushed(**values, leaves_s=1.5)
+    seen = [(e.state, np.inf if e.T_odom_camera is None else off_m(e, T)) for _, _, e, T in walk(box, 3.0, rate_hz=30)]
+    tracked_m = [off for state, off in seen if state is State.TRACKING]
+    assert max(tracked_m) < 0.04
+    assert len(tracked_m) > 0.7 * len(seen)
+    assert all(state is not State.LOST for state, _ in seen)
 
 
 @pytest.mark.rendered

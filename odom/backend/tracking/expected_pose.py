@@ -6,6 +6,7 @@ import numpy as np
 
 from odom.backend.tracking.motion_model import Motion
 from odom.backend.tracking.tuning import TUNING
+from odom.frontend.camera.stamp_clock import SteadyStamp
 from odom.geometry import se3
 from odom.geometry.arrays import Array
 
@@ -48,7 +49,8 @@ class MotionPrior:
 
     `scale` multiplies the covariances of measurements. Without `expected_pose`, where the pose was not predicted by
     motion, no other poses are tried. `are_bent`: the landmarks were measured as if at rest, so that the rolling shutter
-    has bent them as it bends this frame, whose rows then do not show its velocity.
+    has bent them as it bends this frame, whose rows then do not show its velocity. `disputed_since`: from when on many
+    features have disagreed with the pose in every frame up to then, None where few did.
     """
 
     motion: Motion
@@ -56,3 +58,4 @@ class MotionPrior:
     scale: float
     expected_pose: ExpectedPose | None = None
     are_bent: bool = False
+    disputed_since: SteadyStamp | None = None

@@ -80,9 +80,10 @@ class FrameTracker:
         landmarks = FoundLandmarks.of(view, sensor, in_view, L)
         measured = landmarks.measured(twist)
         fit = landmarks.fit(measured, T_start)
-        outliers, elsewhere = fit.chi2[:, 0] >= TUNING.inlier_chi2, in_view.rows[:0]
+        outliers, elsewhere, disputed_since = fit.chi2[:, 0] >= TUNING.inlier_chi2, in_view.rows[:0], None
         features = landmarks.features(measured, fit)
-        if expected is not None and features.is_contested(fit.T_camera_map, outliers):
+        if prior is not None and expected is not None and features.is_contested(fit.T_camera_map, outliers):
+            disputed_since = view.steady_stamp if prior.disputed_since is None else prior.disputed_since
             followed = landmarks.found.rows[~outliers]
             landmarks, measured, T = landmarks.settled(measured, fit, features, expected)
             elsewhere = np.setdiff1d(followed, landmarks.found.rows, assume_unique=True)
@@ -111,6 +112,7 @@ class FrameTracker:
             reference=int(local[0]),
             twist=twist,
             twist_covariance=twist_covariance,
+            disputed_since=disputed_since,
         )
 
     def track_twice(

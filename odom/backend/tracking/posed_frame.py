@@ -87,20 +87,25 @@ class PosedFrame:
     def expected_after(self, since_s: float) -> ExpectedPose:
         """Return where the camera is expected `since_s` seconds later.
 
-        Shortly after its segment began, it may have followed a body ever since: its pose is as unsure as its velocity.
+        Shortly after its segment began, it may have followed a body ever since, and so it may as long as many features
+        have disagreed: its pose is as unsure as if its velocity had not been known for that time.
         """
         if self.tracked is None:
             return ExpectedPose.at_unknown_velocity(self.T_camera_map, since_s)
         expected = ExpectedPose.after(self.predicted_after(since_s), since_s)
         age_s = math.inf if self.begun_stamp is None else -self.since_s(self.begun_stamp)
-        return expected.with_unknown_velocity(age_s) if 0.0 <= age_s < TUNING.young_s else expected
+        unknown_s = age_s if 0.0 <= age_s < TUNING.young_s else 0.0
+        if self.tracked.disputed_since is not None:
+            unknown_s = max(unknown_s, since_s - self.since_s(self.tracked.disputed_since))
+        return expected.with_unknown_velocity(unknown_s)
 
     def motion_prior(self, since_s: float, scale: float) -> MotionPrior:
         """Return the camera's motion here, `since_s` seconds ago; `scale` is the sensor's covariance scale."""
-        motion = Motion.of(self.T_map_camera, np.zeros((6, 6)))
+        motion, disputed_since = Motion.of(self.T_map_camera, np.zeros((6, 6))), None
         if self.tracked is not None:
             motion = Motion.of(motion.T_fixed_camera, self.tracked.covariance * scale, self.tracked.velocity)
-        return MotionPrior(motion, since_s, scale, self.expected_after(since_s), self.is_bent)
+            disputed_since = self.tracked.disputed_since
+        return MotionPrior(motion, since_s, scale, self.expected_after(since_s), self.is_bent, disputed_since)
 
     def with_lens_changed(self, change: LensChange, timing_change: Array, landmarks: Landmarks) -> "PosedFrame":
         """Return this frame as measured through a new lens, its pose fitted to the `landmarks` of that lens.

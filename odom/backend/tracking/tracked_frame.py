@@ -8,6 +8,7 @@ import numpy as np
 from odom.backend.map.keyframe import MeasuredLandmarks
 from odom.backend.tracking.motion_model import ANY_VELOCITY, Velocity
 from odom.backend.tracking.tuning import TUNING
+from odom.frontend.camera.stamp_clock import SteadyStamp
 from odom.frontend.features.measurement import Measurements
 from odom.frontend.matching.line_of_sight import LineOfSight
 from odom.geometry import se3
@@ -22,7 +23,8 @@ class TrackedFrame:
     `inliers` (n); `looked_for` are the rows of all that were, `missed` those of them that are no inliers, with the line
     of `sight` to each; those found `elsewhere` seem to have moved. `reference` is the key frame nearest in
     pose, `twist` (6, SI, camera frame) the velocity that the measurements were carried with; where the rows of the
-    image showed it, `twist_covariance` (6 x 6) is its covariance, else None.
+    image showed it, `twist_covariance` (6 x 6) is its covariance, else None. `disputed_since`: from when on many
+    features have disagreed with the pose in every frame, None where few do.
     """
 
     T_camera_map: Array
@@ -39,6 +41,7 @@ class TrackedFrame:
     reference: int
     twist: Array
     twist_covariance: Array | None
+    disputed_since: SteadyStamp | None = None
 
     @property
     def velocity(self) -> Velocity:

@@ -221,6 +221,7 @@ def test_a_hundred_and_fifty_key_frames_become_a_mesh_in_time_and_memory(shared_
     assert more_mb <= 1500
 
 
+@pytest.mark.long
 def test_a_poor_calibration_is_bettered_before_anything_is_exported(shared_data):
     """As `odom run` does it: focal lengths are six per cent off, the image's centre eight pixels."""
     turning = read_recording(shared_data / "tum_fr1_rpy_part")

@@ -72,6 +72,7 @@ def test_one_of_both_times_is_judged_and_the_report_says_so(ran: Path) -> None:
     assert 60 < report["matched"] < report["total"]
 
 
+@pytest.mark.long
 def test_no_pose_of_the_other_time_is_exported(leaping: Path, ran: Path, tmp_path: Path) -> None:
     for name, source in (("run", ran), ("recording", leaping)):
         out = tmp_path / name

@@ -77,10 +77,14 @@ class HandEye:
     free: Mask
     settled: Array = field(default_factory=lambda: np.eye(3))
 
-    def solve(self) -> tuple[State, Array]:
-        """Return the solution and 13 standard deviations; the model of the errors is learnt from the errors."""
+    def solve(self, begun: State | None = None) -> tuple[State, Array]:
+        """Return the solution and 13 standard deviations; the model of the errors is learnt from the errors.
+
+        Starts from the solution `begun` elsewhere, or else from the best of three guesses.
+        """
         rough = Whitener.alike(len(self.estimate) // self._group, _ROUGH)
-        state = min((self._refine(start, rough) for start in self._starts()), key=lambda s: self._cost(s, rough))
+        starts = self._starts() if begun is None else [begun]
+        state = min((self._refine(start, rough) for start in starts), key=lambda s: self._cost(s, rough))
         tame = self._without_wild_frames(state)
         tame = replace(tame, settled=tame._settled(state))
         centres = tame.estimate.T_world_body[tame._group // 2 :: tame._group]

@@ -127,16 +127,18 @@ def calibrate(estimate: Trajectory, truth: Trajectory, options: CalibrationOptio
 def _fitted(
     estimate: Trajectory, truth: Trajectory, clock: ClockOffset, options: CalibrationOptions, free: Mask
 ) -> tuple[State, Array]:
-    """Return the solution and its standard deviations, fitted anew about its own offset until that stays.
+    """Return the solution and its standard deviations, fitted anew until the offset stays or turns back.
 
     About an offset that is a guess there is one fit: further ones may lead anywhere.
     """
-    offset_s = clock.seconds
+    offset_s, moved_s = clock.seconds, 0.0
+    begun: State | None = None
     for _ in range(1 if _is_guess(clock) else _BEGINNINGS):
         matched = estimate.take(_matched(estimate, truth, offset_s, options.max_gap_s))
-        state, sigma = HandEye(matched, truth, offset_s, options.T_body_camera, free).solve()
-        moved_s, offset_s = abs(state.offset_s - offset_s), state.offset_s
-        if moved_s < _SETTLED_S:
+        state, sigma = HandEye(matched, truth, offset_s, options.T_body_camera, free).solve(begun)
+        before_s, moved_s = moved_s, state.offset_s - offset_s
+        offset_s, begun = state.offset_s, state
+        if abs(moved_s) < _SETTLED_S or moved_s * before_s < 0.0:
             break
     return state, sigma
 

@@ -75,19 +75,32 @@ def read_camera(content: Any, place: str) -> Camera:
         model = content.get("distortion_model", "plumb_bob")
         if model not in ("plumb_bob", "rational_polynomial"):
             raise ConfigError(f"distortion model {model!r}: give plumb_bob or rational_polynomial")
-        matrix = _numbers(content["camera_matrix"]["data"])
-        if len(matrix) != 9:
-            raise ConfigError(f"camera_matrix has {len(matrix)} values: give 9")
+        fx, fy, cx, cy = _focal_lengths_and_centre(_numbers(content["camera_matrix"]["data"]))
         distortion = _numbers(content.get("distortion_coefficients", {}).get("data", []))
         size = int(content["image_width"]), int(content["image_height"])
         lens = distortion if any(distortion) else ()
-        return Camera(*size, matrix[0], matrix[4], matrix[2], matrix[5], lens, _depth_model(content))
+        return Camera(*size, fx, fy, cx, cy, lens, _depth_model(content))
     except ConfigError as error:
         raise ConfigError(f"{place}: {error}") from error
     except KeyError as error:
         raise ConfigError(f"{place} lacks {error.args[0]}; README shows a whole file") from error
     except (TypeError, AttributeError, ValueError, OverflowError) as error:
         raise ConfigError(f"{place}: not a number: {error}; README shows a whole file") from error
+
+
+def _focal_lengths_and_centre(matrix: tuple[float, ...]) -> tuple[float, float, float, float]:
+    if len(matrix) != 9:
+        raise ConfigError(f"camera_matrix has {len(matrix)} values: give 9")
+    fx, _, cx, _, fy, cy, *last = matrix
+    if last != [0.0, 0.0, 1.0]:
+        row = " ".join(f"{value:g}" for value in last)
+        remedy = "give fx 0 cx, 0 fy cy, 0 0 1"
+        if cx == cy == 0.0 and last[2] == 1.0:
+            remedy = "it is written column by column, as MATLAB keeps it: " + remedy
+        elif last[:2] == [0.0, 0.0] and last[2] != 0.0:
+            remedy = "divide all nine values by the last"
+        raise ConfigError(f"camera_matrix has the last row {row}, not 0 0 1: {remedy}")
+    return fx, fy, cx, cy
 
 
 def _depth_model(content: Any) -> DepthModel:

@@ -76,8 +76,9 @@ def clock_offset(
     """Return the offset with the highest normalised cross-correlation of the two angular speeds.
 
     Where that is weak it is the one of the linear speeds, if these agree better. Searched within `search_s`; by default
-    within 5 s, or over every overlap when the two clocks share no epoch. Good to a few milliseconds;
-    `mocap_calibration` refines it. Raises InputError when no offset lets the two overlap by two seconds.
+    within 5 s, or over every overlap when the two clocks share no epoch. Good to a few milliseconds,
+    of a gentle motion to some tens; `mocap_calibration` refines it. Raises InputError when no offset lets the two
+    overlap by two seconds.
     """
     if len(estimate) < 3 or len(truth) < 3:
         raise InputError(f"{len(estimate)} estimated and {len(truth)} true poses: too few for a time offset")

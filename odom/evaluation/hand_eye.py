@@ -38,10 +38,13 @@ _BLOCK_S = 5.0
 _WILD = 15.0
 """A frame's truth is not believed beyond this ratio of its distance from the median to the median distance: smaller
 leaves out brisk motion, larger lets a jump of the motion capture spoil its group."""
-_OFFSET_REACH_S = 0.025
-"""How far the offset may move from that found by speeds, which is good to a few milliseconds."""
-_DERIVATIVE_S = 0.01
-"""Step of the numerical derivative by the offset: the period of 100 Hz truth, between whose samples it is linear."""
+_OFFSET_REACH_S = 0.015
+"""How far the offset may move from the first guess; beyond it, the problem is to be begun anew."""
+_DERIVATIVE_S = 0.04
+"""Step of the numerical derivative by the offset: over a shorter one truth's noise counts as motion, which pulls the
+offset towards the first guess; over a longer one a hand's motion is not straight."""
+REACH_S = _OFFSET_REACH_S + _DERIVATIVE_S
+"""Truth is needed so long before and after each frame."""
 _CAUCHY = 24.0
 """Squared whitened residual (6 on average) that halves a group's weight: smaller wastes data, larger lets jumps in."""
 _ROUGH = 0.01
@@ -61,9 +64,9 @@ class State:
 
 @dataclass(frozen=True, eq=False)
 class HandEye:
-    """The frames, each with truth 40 ms before and after it too, and which of X (6), Y (6), offset (1) are free.
+    """The frames, each with truth `REACH_S` before and after it too, and which of X (6), Y (6), offset (1) are free.
 
-    `offset_s` is a first guess, good to a few milliseconds; `imposed` is the `T_body_camera` when that is not free.
+    `offset_s` is a first guess, near which the solution stays; `imposed` is the `T_body_camera` when that is not free.
     `settled` (3 x 3) projects, in the body's frame, on what turns show of the translation of X; the rest has its prior.
     """
 
@@ -74,10 +77,14 @@ class HandEye:
     free: Mask
     settled: Array = field(default_factory=lambda: np.eye(3))
 
-    def solve(self) -> tuple[State, Array]:
-        """Return the solution and 13 standard deviations; the model of the errors is learnt from the errors."""
+    def solve(self, begun: State | None = None) -> tuple[State, Array]:
+        """Return the solution and 13 standard deviations; the model of the errors is learnt from the errors.
+
+        Starts from the solution `begun` elsewhere, or else from the best of three guesses.
+        """
         rough = Whitener.alike(len(self.estimate) // self._group, _ROUGH)
-        state = min((self._refine(start, rough) for start in self._starts()), key=lambda s: self._cost(s, rough))
+        starts = self._starts() if begun is None else [begun]
+        state = min((self._refine(start, rough) for start in starts), key=lambda s: self._cost(s, rough))
         tame = self._without_wild_frames(state)
         tame = replace(tame, settled=tame._settled(state))
         centres = tame.estimate.T_world_body[tame._group // 2 :: tame._group]
@@ -177,6 +184,7 @@ class HandEye:
             offset = float(
                 np.clip(state.offset_s + step[12], self.offset_s - _OFFSET_REACH_S, self.offset_s + _OFFSET_REACH_S)
             )
+            step[12] = offset - state.offset_s
             state = State(state.T_body_camera @ se3.exp(step[:6]), Y, offset)
             if np.abs(step).max() < _CONVERGED:
                 break

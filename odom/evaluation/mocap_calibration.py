@@ -1,7 +1,7 @@
 """Clock offset and hand-eye transformation between motion capture and camera, each with its uncertainty.
 
-The clock offset is first found to a few milliseconds by speeds (`clock_offset`), then everything is estimated
-in one least-squares problem (`hand_eye`).
+The clock offset is first found roughly by speeds (`clock_offset`), then everything is estimated in one least-squares
+problem (`hand_eye`), which is begun anew as long as the offset moves.
 """
 
 from dataclasses import dataclass
@@ -11,15 +11,17 @@ import numpy as np
 
 from odom.errors import InputError, check_type
 from odom.evaluation.clock_offset import WEAK_CORRELATION, ClockOffset, clock_offset
-from odom.evaluation.hand_eye import MINIMUM, HandEye
+from odom.evaluation.hand_eye import MINIMUM, REACH_S, HandEye, State
 from odom.evaluation.smoothing import smooth
 from odom.evaluation.trajectory import Trajectory, as_array, check, have_rotations
 from odom.geometry import se3
 from odom.geometry.arrays import Array, Mask
 from odom.geometry.rotations import angles_of
 
-_REACH_S = 0.04
-"""A pose needs truth this long before and after it: longer than the offset may move while it is refined."""
+_BEGINNINGS = 10
+"""Fits at most, each about the offset of the one before: the offset found by speeds may be tens of ms off."""
+_SETTLED_S = 0.001
+"""A smaller move of the offset needs no new fit: its derivative is taken over tens of milliseconds."""
 _WILD = 3.0
 """Truth that turns so many times faster than the camera's 95th percentile has jumped: such frames are left out."""
 _SLOW_RAD_S = 0.5
@@ -105,9 +107,8 @@ def calibrate(estimate: Trajectory, truth: Trajectory, options: CalibrationOptio
         clock = ClockOffset(options.offset_s, float("nan"))
     truth = smooth(truth)
     free = np.repeat([options.T_body_camera is None, True, options.offset_s is None], [6, 6, 1])
-    matched = estimate.take(_matched(estimate, truth, clock.seconds, options.max_gap_s))
     try:
-        state, sigma = HandEye(matched, truth, clock.seconds, options.T_body_camera, free).solve()
+        state, sigma = _fitted(estimate, truth, clock, options, free)
     except np.linalg.LinAlgError:
         raise InputError(
             "estimate and truth do not move: no clock offset or hand-eye can be found; walk and turn the camera"
@@ -123,18 +124,37 @@ def calibrate(estimate: Trajectory, truth: Trajectory, options: CalibrationOptio
     )
 
 
+def _fitted(
+    estimate: Trajectory, truth: Trajectory, clock: ClockOffset, options: CalibrationOptions, free: Mask
+) -> tuple[State, Array]:
+    """Return the solution and its standard deviations, fitted anew until the offset stays or turns back.
+
+    About an offset that is a guess there is one fit: further ones may lead anywhere.
+    """
+    offset_s, moved_s = clock.seconds, 0.0
+    begun: State | None = None
+    for _ in range(1 if _is_guess(clock) else _BEGINNINGS):
+        matched = estimate.take(_matched(estimate, truth, offset_s, options.max_gap_s))
+        state, sigma = HandEye(matched, truth, offset_s, options.T_body_camera, free).solve(begun)
+        before_s, moved_s = moved_s, state.offset_s - offset_s
+        offset_s, begun = state.offset_s, state
+        if abs(moved_s) < _SETTLED_S or moved_s * before_s < 0.0:
+            break
+    return state, sigma
+
+
 def _matched(estimate: Trajectory, truth: Trajectory, offset_s: float, max_gap_s: float) -> Mask:
     """Return which poses have truth that does not jump, at the offset and within reach before and after it."""
     if len(estimate) < MINIMUM:
         raise InputError(f"{len(estimate)} estimated poses: a calibration needs {MINIMUM} at least")
-    times = [estimate.stamps + round((offset_s + shift) * 1e9) for shift in (-_REACH_S, 0.0, _REACH_S)]
+    times = [estimate.stamps + round((offset_s + shift) * 1e9) for shift in (-REACH_S, 0.0, REACH_S)]
     sooner, now, later = (truth.at(stamps, max_gap_s) for stamps in times)
     valid = sooner[1] & now[1] & later[1]
     turned = _turns(estimate.T_world_body[:-1], estimate.T_world_body[1:])
     fastest = _WILD * float(np.percentile(turned / np.diff(estimate.stamps), 95)) * 1e9
     for before, after in ((sooner[0], now[0]), (now[0], later[0])):
         index = np.flatnonzero(valid)
-        valid[index] = _turns(before[index], after[index]) < (fastest + _SLOW_RAD_S) * _REACH_S
+        valid[index] = _turns(before[index], after[index]) < (fastest + _SLOW_RAD_S) * REACH_S
     if valid.sum() < MINIMUM:
         raise InputError(f"{valid.sum()} poses match truth in time: a calibration needs {MINIMUM} at least")
     return valid

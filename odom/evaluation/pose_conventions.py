@@ -74,10 +74,26 @@ def _with_axes(right: tuple[int, ...], down: tuple[int, ...], forward: tuple[int
     return lambda T: np.asarray(T @ T_camera_optical)
 
 
-_W_FIRST = _Convention(
-    "quaternions seem to be written w x y z", "write its columns as stamp x y z qx qy qz qw", _with_w_first
+def _in_metres(T: Array) -> Array:
+    out = T.copy()
+    out[:, :3, 3] /= 1000.0
+    return out
+
+
+_MIRROR_Y = np.diag([1.0, -1.0, 1.0, 1.0])
+_OTHER_NUMBERS = (
+    _Convention(
+        "quaternions seem to be written w x y z", "write its columns as stamp x y z qx qy qz qw", _with_w_first
+    ),
+    _Convention("positions seem to be in millimetres", "write metres: divide x, y and z by 1000", _in_metres, _ATE),
 )
 _OTHER_FRAMES = (
+    _Convention(
+        "axes seem to be left-handed, as Unity's",
+        "mirror y: change the signs of y, qx and qz",
+        lambda T: np.asarray(_MIRROR_Y @ T @ _MIRROR_Y),
+        _ATE,
+    ),
     _Convention(
         "poses seem to be the world's in the camera (T_camera_world)",
         "write their inverses, the camera's in the world",
@@ -103,7 +119,7 @@ def convention_notes(written: Trajectory, found: Report | None, judge: Judge) ->
     `found` is the report with truth as it was read, None where there could be none; `judge` makes one with another in
     its place, or raises InputError.
     """
-    return _first_note((_W_FIRST, *_OTHER_FRAMES), written, found, judge, "truth's")
+    return _first_note((*_OTHER_NUMBERS, *_OTHER_FRAMES), written, found, judge, "truth's")
 
 
 def notes_of_both(
@@ -111,7 +127,7 @@ def notes_of_both(
 ) -> tuple[str, ...]:
     """Return the hint that one of two trajectories is written by another convention than the other, else nothing.
 
-    Where they differ by an inversion, or by half a turn of the camera, that does not show which of them is wrong.
+    Where they differ by an inversion, a mirror, or half a turn of the camera, that does not show which is wrong.
     """
 
     def with_truth(other: Trajectory) -> Report:
@@ -121,8 +137,8 @@ def notes_of_both(
         return judge(other, truth)
 
     return (
-        _first_note((_W_FIRST,), truth, found, with_truth, "truth's")
-        or _first_note((_W_FIRST,), estimate, found, with_estimate, "the estimate's")
+        _first_note(_OTHER_NUMBERS, truth, found, with_truth, "truth's")
+        or _first_note(_OTHER_NUMBERS, estimate, found, with_estimate, "the estimate's")
         or _first_note(_OTHER_FRAMES, truth, found, with_truth, "truth's, or else the estimate's,")
         or _first_note(_OTHER_FRAMES, estimate, found, with_estimate, "the estimate's")
     )

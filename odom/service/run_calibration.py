@@ -11,6 +11,9 @@ from odom.calibration.parameters import NAMES, TIMINGS, prior_sigma, vector_of
 from odom.calibration.self_calibration import SelfCalibration, self_calibrated
 from odom.errors import ConfigError
 
+_LEAST_TRACKED = 0.6
+"""Share of frames tracked below which the rest, which the calibration may have lost, would be judged by the few."""
+
 
 def calibrator_for(
     settings: OdometrySettings, has_map: bool, ready: threading.Event, may_wait: Callable[[], bool]
@@ -37,7 +40,13 @@ def final_calibration(odometry: Odometry, has_map: bool) -> SelfCalibration:
         return SelfCalibration(reason="the map is kept with the camera that it was made with")
     if isinstance(odometry.calibrator, MidRunCalibrator) and not odometry.calibrator.wait():
         return SelfCalibration(reason="the run was stopped while the code that calibrates was still being compiled")
-    return self_calibrated(odometry, latest_calibration(odometry))
+    latest, tracked = latest_calibration(odometry), odometry.frames.tracked_share
+    if latest is None and tracked < _LEAST_TRACKED:
+        return SelfCalibration(
+            reason=f"only {tracked:.0%} of the frames were tracked, too few to calibrate by: see to what lost the "
+            "camera (`odom doctor` looks for the cause), and run again"
+        )
+    return self_calibrated(odometry, latest)
 
 
 def calibration_fields(odometry: Odometry, calibration: SelfCalibration) -> dict[str, object]:

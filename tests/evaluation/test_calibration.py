@@ -44,6 +44,19 @@ def test_of_a_recording_of_seconds_no_more_is_claimed_than_is_known(rate_hz):
     assert np.sqrt(np.mean(np.square(found))) < 1.3
 
 
+def test_the_offset_of_a_slow_camera_that_moves_gently_is_no_surer_than_it_is():
+    """Speeds of few and noisy poses leave it tens of milliseconds off, from where it was hardly moved."""
+    found = []
+    for seed in range(60, 66):
+        rng = np.random.default_rng(seed)
+        pose = smooth(rng, metres=0.12, radians=0.12, knot_s=2.0)
+        estimate = odometry(rng, trajectory(pose, FRAMES), white_m=0.003, white_rad=0.004)
+        truth = mocap(rng, pose, 31.0, offset_s=0.02, noise_m=1e-3, noise_rad=4e-3)
+        calibrated = calibrate(estimate, truth)
+        found.append((calibrated.offset_s - 0.02) / calibrated.offset_sigma_s)
+    assert np.sqrt(np.mean(np.square(found))) < 2.0
+
+
 def test_ate_with_the_found_calibration_is_that_with_exact_truth():
     true, estimate, truth = scene(3, 0.037)
     exact = evaluate(estimate, true).ate_m

@@ -99,6 +99,12 @@ def inverted_truth(recording: Recording) -> Recording:
     return replace(recording, truth={"camera": replace(truth, T_world_body=se3.inverses(truth.T_world_body))})
 
 
+def body_in_millimetres(recording: Recording) -> Recording:
+    T = recording.truth["camera"].of_body(se3.exp(np.array([0.05, -0.04, 0.1, 0.3, -0.35, 0.25]))).T_world_body.copy()
+    T[:, :3, 3] *= 1000.0
+    return replace(recording, truth={"rig": replace(recording.truth["camera"], T_world_body=T)})
+
+
 FAULTS = [
     (unspoiled, set()),
     (depth_shifted, {"depth registration"}),
@@ -110,8 +116,16 @@ FAULTS = [
     (scale_wrong, {"depth scale"}),
     (truth_with_the_real_part_first, {"truth"}),
     (inverted_truth, {"truth"}),
+    (body_in_millimetres, {"truth"}),
 ]
-RARE = (half_missing, every_second_missing, both_focals_wrong, truth_with_the_real_part_first, inverted_truth)
+RARE = (
+    half_missing,
+    every_second_missing,
+    both_focals_wrong,
+    truth_with_the_real_part_first,
+    inverted_truth,
+    body_in_millimetres,
+)
 """Variants that the real recording is enough for."""
 
 

@@ -196,22 +196,34 @@ def test_an_estimate_whose_quaternions_begin_with_w_is_told(tmp_path, walk, of_e
 
 
 OPENGL = np.diag([1.0, -1.0, -1.0, 1.0])
+MIRROR = np.diag([1.0, -1.0, 1.0, 1.0])
+MILLIMETRES = np.array([[1.0] * 3 + [1e3]] * 3 + [[1.0] * 4])
 CAMERA_LINK = np.array([[0.0, -1, 0, 0], [0, 0, -1, 0], [1, 0, 0, 0], [0, 0, 0, 1]])  # its axes in the optical frame
+
+
+CONVENTIONS = ("T_camera_world", "OpenGL", "camera_link", "millimetres", "left-handed")
 
 
 def rewritten(walk: Trajectory, convention: str) -> Trajectory:
     T = walk.T_world_body
-    poses = {"as is": T, "T_camera_world": se3.inverses(T), "OpenGL": T @ OPENGL, "camera_link": T @ CAMERA_LINK}
+    poses = {
+        "as is": T,
+        "T_camera_world": se3.inverses(T),
+        "OpenGL": T @ OPENGL,
+        "camera_link": T @ CAMERA_LINK,
+        "millimetres": T * MILLIMETRES,
+        "left-handed": MIRROR @ T @ MIRROR,
+    }
     return replace(walk, T_world_body=poses[convention])
 
 
 @pytest.mark.parametrize("is_estimate", [True, False], ids=["estimate", "truth"])
-@pytest.mark.parametrize("convention", ["as is", "T_camera_world", "OpenGL", "camera_link"])
+@pytest.mark.parametrize("convention", ["as is", *CONVENTIONS])
 def test_poses_of_another_frame_are_told(tmp_path, walk, convention, is_estimate):
     files = [written(tmp_path / f"{k}.txt", walk if k else rewritten(walk, convention), in_seconds) for k in (0, 1)]
     done = evaluated(*(files if is_estimate else reversed(files)))
     assert done.exit_code == 0
-    told = [name for name in ("T_camera_world", "OpenGL", "camera_link", "w x y z") if name in done.output]
+    told = [name for name in (*CONVENTIONS, "w x y z") if name in done.output]
     assert told == ([] if convention == "as is" else [convention]), done.output
 
 

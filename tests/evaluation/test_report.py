@@ -4,6 +4,7 @@ import json
 import shutil
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -187,6 +188,21 @@ def test_truth_whose_quaternions_begin_with_w_is_told(run, scene, body):
     rewritten(run / "truth.txt", [0, 1, 2, 3, 7, 4, 5, 6])
     (run / "truth.txt").write_text(head + (run / "truth.txt").read_text())
     assert "written w x y z" in " ".join(report_with_truth(run)["truth_notes"])
+
+
+@pytest.mark.usefixtures("unplotted")
+@pytest.mark.parametrize(
+    ("signs", "unit", "told", "remedy"),
+    [([1, 1, 1], 1e3, "in millimetres", "divide"), ([1, -1, 1], 1.0, "left-handed", "signs of y, qx and qz")],
+)
+def test_motion_capture_in_millimetres_or_with_left_handed_axes_is_told(run, scene, signs, unit, told, remedy):
+    T = scene[3].T_world_body * np.outer([*signs, 1], [*signs, 1])
+    T[:, :3, 3] *= unit
+    write_tum(run / "truth.txt", replace(scene[3], T_world_body=T))
+    (run / "truth.txt").write_text("# body rig\n" + (run / "truth.txt").read_text())
+    first = report_with_truth(run)["truth_notes"][0]
+    assert told in first
+    assert remedy in first
 
 
 def test_a_gap_in_truth_is_not_interpolated_over(scene):

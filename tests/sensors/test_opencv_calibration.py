@@ -133,3 +133,21 @@ def test_ros_keys_in_opencvs_yaml_as_rtabmap_writes_them_are_a_calibration(tmp_p
 def test_what_such_a_file_lacks_is_named(tmp_path: Path, text: str, says: str) -> None:
     with pytest.raises(ConfigError, match=says):
         read(tmp_path, text)
+
+
+@pytest.mark.parametrize(
+    ("matrix", "says"),
+    [
+        (
+            "517.3, 0, 0, 0, 516.5, 0, 318.6, 255.3, 1",
+            "last row 318.6 255.3 1, not 0 0 1: it is written column by column.*give fx 0 cx",
+        ),
+        ("258.65, 0, 159.3, 0, 258.25, 127.65, 0, 0, 0.5", "last row 0 0 0.5, not 0 0 1.*divide all nine values"),
+        ("517.3, 0, 318.6, 0, 516.5, 255.3, 0, 1, 0", "last row 0 1 0, not 0 0 1.*give fx 0 cx, 0 fy cy, 0 0 1"),
+    ],
+)
+def test_a_matrix_whose_last_row_is_another_is_refused_with_what_to_write(
+    tmp_path: Path, matrix: str, says: str
+) -> None:
+    with pytest.raises(ConfigError, match=f"camera.yaml: camera_matrix has the {says}"):
+        read(tmp_path, f"image_width: 640\nimage_height: 480\ncamera_matrix: {{data: [{matrix}]}}\n")

@@ -20,8 +20,10 @@ from odom.evaluation.diagnosis.recording import Recording
 from odom.evaluation.diagnosis.scale import BodyTruth, body_truth, chain, fit_scale, judge_scale
 from odom.evaluation.diagnosis.stamps import judge_pairs, judge_rhythm
 from odom.evaluation.diagnosis.tracks import Tracks, follow
+from odom.evaluation.judgement import judge as judged_by
+from odom.evaluation.mocap_calibration import CalibrationOptions
 from odom.evaluation.pose_conventions import convention_notes
-from odom.evaluation.report import Report, evaluate
+from odom.evaluation.report import EvaluationOptions, Report
 from odom.evaluation.run_report import CAMERA
 from odom.evaluation.times import Stamps
 from odom.evaluation.trajectory import Trajectory
@@ -125,22 +127,22 @@ def _judge_by_truth(
     unit: Finding,
 ) -> list[Finding]:
     """Judge the truth of the camera, or else of the body seen most, and by it the depth scale, or as `unit` does."""
-    if CAMERA not in truth:
-        name = max(truth, key=lambda body: len(truth[body]))
-        found = body_truth(chain(tracks, stamps, focal_px), truth[name])
-    elif written_otherwise := _judge_convention(chain(tracks, stamps, focal_px), truth[CAMERA]):
+    poses = chain(tracks, stamps, focal_px)
+    is_camera = CAMERA in truth
+    name = CAMERA if is_camera else max(truth, key=lambda body: len(truth[body]))
+    if written_otherwise := _judge_convention(poses, truth[name], is_camera):
         return [unit, *written_otherwise]
-    else:
-        name, found = CAMERA, BodyTruth(truth[CAMERA], np.eye(3), True)
+    found = BodyTruth(truth[name], np.eye(3), True) if is_camera else body_truth(poses, truth[name])
     scale = judge_scale(fit_scale(motions, stamps, found) if found else None, name)
     return [unit if scale.verdict is Verdict.UNKNOWN else scale]
 
 
-def _judge_convention(poses: Trajectory, truth: Trajectory) -> list[Finding]:
-    """Return the fault that the camera's truth is written by another convention, nothing where it is not."""
+def _judge_convention(poses: Trajectory, truth: Trajectory, is_camera: bool) -> list[Finding]:
+    """Return the fault that truth, of the camera or of a body, is by another convention, nothing where it is not."""
+    mocap = None if is_camera else CalibrationOptions()
 
     def judge(other: Trajectory) -> Report:
-        return evaluate(poses, other)
+        return judged_by(poses, other, EvaluationOptions(), mocap).report
 
     try:
         found = judge(truth)

@@ -59,3 +59,22 @@ def writing_to(path: Path) -> Iterator[None]:
     except OSError as error:
         advice = "make room, or choose another place" if error.errno in _NO_ROOM else "choose another place"
         raise OdomError(f"{path} cannot be written: {error.strerror or error}; {advice}") from error
+
+
+@contextmanager
+def writing_whole(path: Path) -> Iterator[Path]:
+    """Like `writing_to`, of a file that is whole or as it was before: what is written to the path given replaces it."""
+    with writing_to(path), replacing(path) as part:
+        yield part
+
+
+@contextmanager
+def replacing(path: Path) -> Iterator[Path]:
+    """Give the path of a file beside `path`, which replaces that once it is written; raises OSError."""
+    part = path.with_name(f"{path.name}.part")
+    try:
+        yield part
+        part.replace(path)
+    except BaseException:
+        part.unlink(missing_ok=True)
+        raise

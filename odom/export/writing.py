@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from odom.errors import OdomError, writing_to
+from odom.errors import OdomError, writing_whole
 from odom.evaluation.files import write_tum
 from odom.evaluation.trajectory import Trajectory
 from odom.export import colmap, mesh, nerfstudio, poses
@@ -46,8 +46,8 @@ class ExportOptions:
 def write_trajectory(folder: Path, form: str, trajectory: Trajectory) -> None:
     """Write a trajectory in the form `tum`, `kitti` or `euroc`; raises OdomError for a file that cannot be written."""
     if form == "tum":
-        with writing_to(folder / "trajectory.txt"):
-            write_tum(folder / "trajectory.txt", trajectory)
+        with writing_whole(folder / "trajectory.txt") as part:
+            write_tum(part, trajectory)
     elif form == "kitti":
         for name, text in zip(("poses.txt", "times.txt"), poses.kitti(trajectory), strict=True):
             _write(folder / name, text)
@@ -56,8 +56,8 @@ def write_trajectory(folder: Path, form: str, trajectory: Trajectory) -> None:
 
 
 def _write(path: Path, content: str | bytes) -> None:
-    with writing_to(path):
-        path.write_bytes(content.encode() if isinstance(content, str) else content)
+    with writing_whole(path) as part:
+        part.write_bytes(content.encode() if isinstance(content, str) else content)
 
 
 @dataclass(frozen=True, eq=False)

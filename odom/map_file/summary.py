@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from odom.backend.map.saved import SavedKeyframe
-from odom.errors import writing_to
+from odom.errors import writing_whole
 from odom.frame import seconds_text
 from odom.geometry import se3
 from odom.geometry.arrays import Array
@@ -57,14 +57,14 @@ def write_files(opened: MapFile, folder: Path) -> Iterator[Path]:
             T = _T_map_keyframe(k) @ k.T_middle_stamp
             values = (*T[:3, 3], *quaternion_from_rotation(T[:3, :3]))
             lines.append(f"{seconds_text(k.stamp)} " + " ".join(f"{value:.9f}" for value in values) + "\n")
-        with writing_to(path):
-            path.write_text("".join(lines))
+        with writing_whole(path) as part:
+            part.write_text("".join(lines))
         yield path
     points = [se3.apply(_T_map_keyframe(k), d.landmarks.position) for k in keyframes if (d := opened.fetch(k.number))]
     cloud = np.concatenate([np.zeros((0, 3)), *points]).astype("<f4")
     path = folder / "landmarks.ply"
-    with writing_to(path):
-        path.write_bytes(_PLY.format(len(cloud)).encode() + cloud.tobytes())
+    with writing_whole(path) as part:
+        part.write_bytes(_PLY.format(len(cloud)).encode() + cloud.tobytes())
     yield path
 
 

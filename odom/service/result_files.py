@@ -10,6 +10,7 @@ from typing import TextIO
 import numpy as np
 
 from odom.backend import ClosedChain, Estimate, RelativePose, TrajectoryPose
+from odom.errors import replacing
 from odom.frame import Stamp, from_seconds, seconds_text
 from odom.geometry.arrays import Array
 from odom.geometry.quaternion import quaternion_from_rotation, rotation_from_quaternion
@@ -223,14 +224,8 @@ def write_json(path: Path, content: Mapping[str, object]) -> None:
 @contextmanager
 def whole_file(path: Path) -> Iterator[TextIO]:
     """Open a file that replaces `path` once all is written; raises OSError, and leaves `path` as it was."""
-    partial = path.with_name(f"{path.name}.part")
-    try:
-        with partial.open("w", encoding="utf-8") as file:
-            yield file
-        partial.replace(path)
-    except BaseException:
-        partial.unlink(missing_ok=True)
-        raise
+    with replacing(path) as part, part.open("w", encoding="utf-8") as file:
+        yield file
 
 
 def _pose_of(line: str) -> tuple[Stamp, Array]:

@@ -42,11 +42,15 @@ def written(tmp_path, write, survey, options=OPTIONS):
         (lambda exporter: write_trajectory(exporter.folder, "kitti", exporter.survey.scene.trajectory), "poses.txt"),
     ],
 )
-def test_on_a_full_disk_the_file_is_named_with_what_to_do(tmp_path, survey, write, file, monkeypatch):
+def test_on_a_full_disk_the_file_is_named_with_what_to_do_and_no_torn_one_is_left(
+    tmp_path, survey, write, file, monkeypatch
+):
     monkeypatch.setattr("drawn._has_room", lambda folder: False)
     full = pytest.raises(OdomError, match=f"{tmp_path}/out/{file} cannot be written: .*make room")
     with room_for(1000), full:
         written(tmp_path, write, survey)
+    assert not [path for path in (tmp_path / "out").rglob("*") if path.is_file() and path.stat().st_size == 1000]
+    assert not list((tmp_path / "out").rglob("*.part"))
 
 
 def test_evo_reads_the_trajectories(tmp_path, survey):

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from odom.backend import Odometry, OdometrySettings
+from odom.backend import Odometry, OdometrySettings, State
 from odom.backend.odometry.segmentation import Segmenter
 from odom.calibration.mid_run import MidRunCalibrator
 from odom.calibration.self_calibration import SelfCalibration
@@ -87,10 +87,10 @@ def survey(
     """
     calibrator = MidRunCalibrator() if settings.self_calibration else None
     odometry = Odometry(recording.camera, settings, segmenter=segmenter, calibrator=calibrator)
-    stamps, values, is_cut = [], [], False
+    stamps, values, tracked, is_cut = [], [], 0, False
     for frame in recording:
         try:
-            odometry.process(frame)
+            tracked += odometry.process(frame).state in (State.TRACKING, State.RECOVERED)
         except InputError:
             continue
         stamps.append(frame.stamp)
@@ -99,7 +99,8 @@ def survey(
         if is_cut := is_stopped():
             break
     poses = odometry.finish()
-    better = SelfCalibration() if is_cut else final_calibration(odometry, has_map=False)
+    share = tracked / max(len(stamps), 1)
+    better = SelfCalibration() if is_cut else final_calibration(odometry, has_map=False, tracked=share)
     if better.found is not None:
         again, as_it_is = replace(recording, camera=better.found.camera), {"self_calibration": False}
         surveyed = survey(again, settings.model_copy(update=as_it_is), progress, is_stopped, segmenter)

@@ -30,7 +30,7 @@ def save_results(
     publisher.publish_loops(odometry.late_loops)
     test, closed = odometry.closing_test(), odometry.closed_chain()
     publisher.publish_closed_chain(closed)
-    calibration = final_calibration(odometry, keeper.has_map)
+    calibration = final_calibration(odometry, keeper.has_map, statistics.tracked_share)
     report = statistics.report() | closing_fields(test, closed)
     report |= calibration_fields(odometry, calibration) | keeper.report()
     try:

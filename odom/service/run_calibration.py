@@ -32,15 +32,18 @@ def latest_calibration(odometry: Odometry) -> SelfCalibration | None:
     return calibrator.latest if is_changed and isinstance(calibrator, MidRunCalibrator) else None
 
 
-def final_calibration(odometry: Odometry, has_map: bool) -> SelfCalibration:
-    """Return the calibration that a whole run shows, or the reason for which the given one is kept."""
+def final_calibration(odometry: Odometry, has_map: bool, tracked: float) -> SelfCalibration:
+    """Return the calibration that a whole run shows, or the reason for which the given one is kept.
+
+    `tracked` is the share of its frames with a pose that may be trusted.
+    """
     if not odometry.settings.self_calibration:
         return SelfCalibration(reason="odometry.self_calibration is off")
     if has_map:
         return SelfCalibration(reason="the map is kept with the camera that it was made with")
     if isinstance(odometry.calibrator, MidRunCalibrator) and not odometry.calibrator.wait():
         return SelfCalibration(reason="the run was stopped while the code that calibrates was still being compiled")
-    latest, tracked = latest_calibration(odometry), odometry.frames.tracked_share
+    latest = latest_calibration(odometry)
     if latest is None and tracked < _LEAST_TRACKED:
         return SelfCalibration(
             reason=f"only {tracked:.0%} of the frames were tracked, too few to calibrate by: see to what lost the "

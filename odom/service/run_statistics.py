@@ -153,6 +153,11 @@ class RunStatistics:
         return self.unwritten_lines + self.unwritten_changes
 
     @property
+    def tracked_share(self) -> float:
+        """Their share of the frames processed, 0 without any."""
+        return self.tracked / max(self.frames, 1)
+
+    @property
     def wall_s(self) -> float:
         """Seconds from the first frame received to the last one processed."""
         return max(self._ended[0] - self._begun[0], 0.0) if self._begun and self.frames else 0.0

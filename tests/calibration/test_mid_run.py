@@ -10,13 +10,11 @@ import pytest
 
 from odom import Odometry, Trajectory, read_recording
 from odom.backend import OdometrySettings
-from odom.backend.map.frame_log import FrameLog, LoggedFrame
 from odom.calibration.mid_run import MidRunCalibrator, Sureness
 from odom.calibration.pixel_error import ray_sigma_px
 from odom.calibration.result import as_measured, calibrated
 from odom.calibration.self_calibration import SelfCalibration
 from odom.evaluation.report import evaluate
-from odom.frame import Stamp
 from odom.service.run_calibration import final_calibration
 from odom.service.startup import ReadyUnlessStopped
 from sensors.default_camera import kinect_camera
@@ -78,23 +76,21 @@ def test_a_run_that_is_stopped_does_not_wait_for_the_calibrators_code(monkeypatc
     monkeypatch.setattr("odom.calibration.mid_run.surveyed", lambda odometry: (None, None))
     odometry = SimpleNamespace(camera=SHEET, calibrator=calibrator, settings=OdometrySettings())
     assert calibrator.looked_at(odometry)() is None
-    assert "stopped" in final_calibration(odometry, has_map=False).reason
+    assert "stopped" in final_calibration(odometry, has_map=False, tracked=1.0).reason
 
 
-@pytest.mark.parametrize(("lost", "is_changed", "is_kept"), [(5, False, True), (3, False, False), (5, True, False)])
+@pytest.mark.parametrize(
+    ("tracked", "is_changed", "is_kept"), [(0.5, False, True), (0.7, False, False), (0.5, True, False)]
+)
 def test_a_run_that_was_mostly_lost_offers_no_calibration_unless_it_was_changed_on_the_way(
-    monkeypatch, lost, is_changed, is_kept
+    monkeypatch, tracked, is_changed, is_kept
 ):
     found = SelfCalibration(off_px=9.0)
+    earlier = found if is_changed else None
     monkeypatch.setattr("odom.service.run_calibration.self_calibrated", lambda odometry, earlier: found)
-    monkeypatch.setattr(
-        "odom.service.run_calibration.latest_calibration", lambda odometry: found if is_changed else None
-    )
-    frames = FrameLog()
-    for i in range(10):
-        frames.append(LoggedFrame(Stamp(i), 0) if i < lost else LoggedFrame(Stamp(i), 0, None, 0, np.eye(4)))
-    odometry = SimpleNamespace(calibrator=None, settings=OdometrySettings(), frames=frames)
-    final = final_calibration(odometry, has_map=False)
+    monkeypatch.setattr("odom.service.run_calibration.latest_calibration", lambda odometry: earlier)
+    odometry = SimpleNamespace(calibrator=None, settings=OdometrySettings())
+    final = final_calibration(odometry, has_map=False, tracked=tracked)
     assert (final is not found) == is_kept
     assert ("only 50% of the frames were tracked" in final.reason) == is_kept
 

@@ -62,3 +62,12 @@ def test_a_focal_length_on_which_the_halves_of_a_recording_disagree_is_not_judge
     recording = collect(source.messages(), options.topics, 6.0, lambda done: None, True)
     verdicts = {finding.key: finding for finding in examine(recording)}
     assert verdicts["focal length"].verdict is not Verdict.BAD, verdicts["focal length"].value
+
+
+@pytest.mark.parametrize(("factor", "size"), [(2.0, "1278 x 958"), (0.5, "319 x 240")])
+def test_intrinsics_for_images_of_another_size_are_told_with_that_size(factor: float, size: str) -> None:
+    other = {name: factor * getattr(CAMERA, name) for name in ("fx", "fy", "cx", "cy")}
+    found = judge_intrinsics(replace(CAMERA, **other), None, True)
+    assert found.verdict is Verdict.BAD
+    assert f"for images of about {size} pixels" in found.advice
+    assert f"divide fx, fy, cx and cy by {factor:g}" in found.advice

@@ -78,12 +78,6 @@ class FrameLog:
         """Whether the last frame has no pose, or there is none yet."""
         return self.last is None or self.last.keyframe is None
 
-    @property
-    def tracked_share(self) -> float:
-        """The share of these frames that have a pose; NaN of none."""
-        keyframes = [block["keyframe"] for block in self._blocks]
-        return float(np.mean(np.concatenate(keyframes)[: len(self)] != _LOST)) if keyframes else np.nan
-
     def since_last_s(self, stamp: Stamp) -> float:
         """Return the seconds from the last frame to `stamp`, infinite where there is none."""
         return np.inf if self.last is None else (stamp - self.last.stamp) * 1e-9

@@ -15,6 +15,19 @@ _ASPECT, _CENTRE, _VIEW_DEG = 0.06, 0.12, (30.0, 110.0)
 """What a calibration may be without any motion: fx / fy off one, centre off the middle (shares), and view."""
 
 
+def _of_another_size(camera: Camera) -> str | None:
+    """Return what to do where the centre is the middle of an image of the same shape and another size, else None."""
+    factors = 2.0 * camera.cx / camera.width, 2.0 * camera.cy / camera.height
+    factor = sum(factors) / 2.0
+    if factor <= 0.0 or abs(factor - 1.0) < 2.0 * _CENTRE or abs(factors[0] - factors[1]) > _CENTRE * factor:
+        return None
+    size = f"{factor * camera.width:.0f} x {factor * camera.height:.0f}"
+    return (
+        f"these intrinsics seem to be for images of about {size} pixels: give the calibration of this image size, or "
+        f"divide fx, fy, cx and cy by {factor:.2g}"
+    )
+
+
 def judge_intrinsics(camera: Camera, focal: FocalFit | None, trusted: bool) -> Finding:
     """Judge the focal lengths; `focal` is what the motion fits, `trusted` that depth is registered."""
     key = "focal length"
@@ -26,7 +39,8 @@ def judge_intrinsics(camera: Camera, focal: FocalFit | None, trusted: bool) -> F
         "where they are less than a fifth off; else calibrate with a chessboard at this image size"
     )
     if centre > _CENTRE:  # which the fit takes for true
-        return Finding(key, f"{value}; centre {camera.cx:.0f}, {camera.cy:.0f}", Verdict.BAD, advice)
+        value = f"{value}; centre {camera.cx:.0f}, {camera.cy:.0f}"
+        return Finding(key, value, Verdict.BAD, _of_another_size(camera) or advice)
     if focal is not None and focal.sigma.max() >= _FOCAL_UNSURE:
         focal = None
     if focal is not None:

@@ -148,14 +148,14 @@ class RunStatistics:
         return self.states[State.TRACKING] + self.states[State.RECOVERED]
 
     @property
+    def tracked_share(self) -> float:
+        """The share of them among the frames processed, 0 without any."""
+        return self.tracked / max(self.frames, 1)
+
+    @property
     def unwritten(self) -> int:
         """Lines, files and changes of the map that could not be written, and are missing."""
         return self.unwritten_lines + self.unwritten_changes
-
-    @property
-    def tracked_share(self) -> float:
-        """Their share of the frames processed, 0 without any."""
-        return self.tracked / max(self.frames, 1)
 
     @property
     def wall_s(self) -> float:

@@ -81,6 +81,7 @@ def _in_metres(T: Array) -> Array:
 
 
 _MIRROR_Y = np.diag([1.0, -1.0, 1.0, 1.0])
+"""Left-handed axes into right-handed ones, by turning y round."""
 _OTHER_NUMBERS = (
     _Convention(
         "quaternions seem to be written w x y z", "write its columns as stamp x y z qx qy qz qw", _with_w_first

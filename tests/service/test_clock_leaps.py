@@ -15,12 +15,12 @@ from odom.evaluation.times import of_one_time
 
 ODOM = [sys.executable, "-m", "odom"]
 ARENA = Path(__file__).parents[2] / "recordings" / "arena.mcap"
-LEAP_AFTER_NS, LEAP_NS, END_NS = 9_000_000_000, 6_000_000_000, 17_000_000_000
+LEAP_AFTER_NS, LEAP_NS, END_NS = 6_000_000_000, 4_000_000_000, 11_000_000_000
 
 
 @pytest.fixture(scope="module")
 def leaping(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Seventeen seconds of the arena, of which the last eight begin six seconds earlier than they should."""
+    """Eleven seconds of the arena, of which the last five are stamped four seconds too early."""
     path = tmp_path_factory.mktemp("leaping") / "leaping.mcap"
     with ARENA.open("rb") as source, path.open("wb") as target:
         reader, writer = make_reader(source), Writer(target)
@@ -69,7 +69,7 @@ def test_one_of_both_times_is_judged_and_the_report_says_so(ran: Path) -> None:
     assert report["nees_step_mean"] < 12.0
     assert report["chain"]["ate_m"] < 0.05
     assert any("leapt back" in note for note in report["truth_notes"])
-    assert 60 < report["matched"] < report["total"]
+    assert 40 < report["matched"] < report["total"]
 
 
 @pytest.mark.long
@@ -78,7 +78,7 @@ def test_no_pose_of_the_other_time_is_exported(leaping: Path, ran: Path, tmp_pat
         out = tmp_path / name
         subprocess.run([*ODOM, "export", str(source), "--to", "tum", "--out", str(out)], check=True)
         trajectory = read_tum(out / "trajectory.txt")
-        assert len(trajectory) > 60
+        assert len(trajectory) > 40
         steps_m = np.linalg.norm(np.diff(trajectory.positions, axis=0), axis=1)
         assert steps_m.max() < 0.15  # of a frame of 7.5 Hz; between both times it is metres
 

@@ -45,6 +45,7 @@ def report_with_truth(out_dir: Path, total_frames: int | None = None) -> dict[st
     estimate = read_run(out_dir)
     read = read_tum(out_dir / "truth.txt", estimate)
     body = body_of(out_dir / "truth.txt")
+    leaps = _leaps(out_dir / "odometry.txt")
     options = EvaluationOptions(total_frames=total_frames)
     mocap = CalibrationOptions() if body != CAMERA else None
 
@@ -54,7 +55,7 @@ def report_with_truth(out_dir: Path, total_frames: int | None = None) -> dict[st
     try:
         judged = judge(estimate, read, options, mocap)
     except InputError as error:
-        notes = [str(error), *convention_notes(read, None, report_by), *_leaps(out_dir / "odometry.txt")]
+        notes = [str(error), *convention_notes(read, None, report_by), *leaps]
         nothing = dict.fromkeys(_ERRORS + _NEES + _CALIBRATION)
         return {**nothing, "matched": 0, "total": max(total_frames or 0, len(estimate)), "truth_notes": notes}
     truth, final, calibration = judged.truth, judged.report, judged.calibration
@@ -69,7 +70,7 @@ def report_with_truth(out_dir: Path, total_frames: int | None = None) -> dict[st
         **mocap_calibration_fields(calibration, body),
         "chain": chain_fields(out_dir, truth, options),
         "chain_closed": trajectory_fields(out_dir / "chain_closed.txt", truth, options),
-        "truth_notes": [*convention_notes(read, final, report_by), *judged.notes, *_leaps(out_dir / "odometry.txt")],
+        "truth_notes": [*convention_notes(read, final, report_by), *judged.notes, *leaps],
     }
     try:
         plot(out_dir / "plot.png", final, online, _claimed(second, truth), remarks=remarks(calibration))

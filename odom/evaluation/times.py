@@ -20,10 +20,9 @@ def times_of(stamps: Stamps) -> Stamps:
     each moment comes once, and where the stamps are in no order at all.
     """
     numbers = np.concatenate([np.zeros(min(1, len(stamps)), np.int64), np.cumsum(np.diff(stamps) < -_LEAP_NS)])
-    first = np.flatnonzero(np.diff(numbers, prepend=-1))
-    if len(first) < 2 or len(stamps) < _SHORTEST * len(first):
+    if not numbers.any() or len(stamps) < _SHORTEST * (numbers[-1] + 1):
         return np.zeros_like(numbers)
-    earliest, latest = np.minimum.reduceat(stamps, first), np.maximum.reduceat(stamps, first)
+    earliest, latest = _ends(stamps, numbers)
     order = np.argsort(earliest)
     overlap = earliest[order][1:] <= np.maximum.accumulate(latest[order])[:-1]
     return numbers if overlap.any() else np.zeros_like(numbers)
@@ -39,10 +38,15 @@ def of_one_time(stamps: Stamps, beside: Stamps | None = None) -> Mask:
         return np.ones(len(stamps), dtype=np.bool_)
     shares = np.bincount(numbers)
     if beside is not None and len(beside):
-        first = np.flatnonzero(np.diff(numbers, prepend=-1))
-        earliest, latest = np.minimum.reduceat(stamps, first), np.maximum.reduceat(stamps, first)
+        earliest, latest = _ends(stamps, numbers)
         shares = np.minimum(latest, beside.max()) - np.maximum(earliest, beside.min())
     return np.asarray(numbers == np.argmax(shares))
+
+
+def _ends(stamps: Stamps, numbers: Stamps) -> tuple[Stamps, Stamps]:
+    """Return the earliest and the latest stamp of each time, by the `numbers` (n) of the times."""
+    first = np.flatnonzero(np.diff(numbers, prepend=-1))
+    return np.minimum.reduceat(stamps, first), np.maximum.reduceat(stamps, first)
 
 
 def are_taken(stamps: Stamps, by: Stamps) -> Mask:

@@ -27,8 +27,7 @@ IMAGE_AGAIN = "the last image came again"
 class State(Enum):
     """How far a frame's pose may be trusted; `Estimate.reason` says why it is not TRACKING.
 
-    TRACKING: thirty landmarks of known depth or more agree, and nothing speaks against the pose. The first frame of all
-    is TRACKING, too.
+    TRACKING: thirty landmarks of known depth or more agree, and nothing speaks against the pose; the first frame, too.
     UNCERTAIN: there is a pose, but by few landmarks, with hardly any depth, by prediction, by surfaces alone, known to
     more than 5 cm or 2 deg only (1 sigma), or in doubt because something moves.
     LOST: there is no pose.
@@ -40,6 +39,11 @@ class State(Enum):
     UNCERTAIN = "UNCERTAIN"
     LOST = "LOST"
     RECOVERED = "RECOVERED"
+
+    @property
+    def is_trusted(self) -> bool:
+        """Whether there is a pose that may be trusted."""
+        return self in (State.TRACKING, State.RECOVERED)
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -97,7 +97,7 @@ def judge_odometry(
 
     import numpy as np
 
-    from odom.backend import Odometry, OdometrySettings, State
+    from odom.backend import Odometry, OdometrySettings
     from odom.backend.odometry.moving_view import DOUBTS
     from odom.evaluation.diagnosis import judge_levels, judge_tracking
 
@@ -108,7 +108,7 @@ def judge_odometry(
         estimate = odometry.process(frame)
         spent.append((time.perf_counter() - begin[0], time.process_time() - begin[1]))
         is_doubtful = estimate.reason.endswith(DOUBTS)
-        has_pose = is_doubtful or estimate.state in (State.TRACKING, State.RECOVERED)
+        has_pose = is_doubtful or estimate.state.is_trusted
         reasons.append(None if has_pose else estimate.reason or estimate.state.value)
         inliers.append(estimate.inliers)
         doubtful += is_doubtful

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from odom.backend import Odometry, OdometrySettings, State
+from odom.backend import Odometry, OdometrySettings
 from odom.backend.odometry.segmentation import Segmenter
 from odom.calibration.mid_run import MidRunCalibrator
 from odom.calibration.self_calibration import SelfCalibration
@@ -90,7 +90,7 @@ def survey(
     stamps, values, tracked, is_cut = [], [], 0, False
     for frame in recording:
         try:
-            tracked += odometry.process(frame).state in (State.TRACKING, State.RECOVERED)
+            tracked += odometry.process(frame).state.is_trusted
         except InputError:
             continue
         stamps.append(frame.stamp)

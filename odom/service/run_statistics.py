@@ -145,7 +145,7 @@ class RunStatistics:
     @property
     def tracked(self) -> int:
         """Frames with a pose that may be trusted."""
-        return self.states[State.TRACKING] + self.states[State.RECOVERED]
+        return sum(count for state, count in self.states.items() if state.is_trusted)
 
     @property
     def tracked_share(self) -> float:

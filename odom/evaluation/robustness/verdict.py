@@ -21,8 +21,6 @@ BOUND_999 = float(chdtri(6, 0.001))
 WRONG_M, WRONG_DEG = 0.05, 3.0
 """A motion over a second is wrong when it is off by more than one of these, and by more than it claims."""
 
-_TRACKED = (State.TRACKING, State.RECOVERED)
-
 
 @dataclass(frozen=True)
 class Verdict:
@@ -72,7 +70,7 @@ def verdict(
         frames=frames,
         ate_m=ate_m,
         ate_share=share * matched,
-        tracked=share * sum(estimate.state in _TRACKED for estimate in estimates),
+        tracked=share * sum(estimate.state.is_trusted for estimate in estimates),
         lost=share * sum(estimate.state is State.LOST for estimate in estimates),
         wrong=share * int((is_tracking & is_wrong(errors, squares)).sum()),
         judged=int(is_tracking.sum()),
@@ -102,7 +100,7 @@ def recovery_times(estimates: Sequence[Estimate], light_returns: Callable[[Stamp
     for estimate in estimates:
         if since is None and estimate.state is State.LOST:
             since = light_returns(estimate.stamp)
-        elif since is not None and estimate.state in _TRACKED and light_returns(estimate.stamp) == estimate.stamp:
+        elif since is not None and estimate.state.is_trusted and light_returns(estimate.stamp) == estimate.stamp:
             times.append((max(0.0, (estimate.stamp - since) * 1e-9), True))
             since = None
     if since is not None and estimates[-1].stamp > since:

@@ -1,7 +1,8 @@
-"""Poses of frames that were not adjusted, among landmarks that were, in compiled loops."""
+"""Poses fitted to landmarks that stay (resection), and landmarks to poses that stay (intersection), compiled."""
 
 import numpy as np
 
+from odom.backend.mapping.landmark_elimination import invert_damped
 from odom.calibration.observation_terms import PARAMETERS, CameraArrays, SeenArrays, whitened_terms
 from odom.geometry.arrays import Array, Index
 from odom.geometry.compiled import compiled
@@ -43,3 +44,26 @@ def resected(
                 put(moved(solve_definite(H[k], g[k]), T[k]), T[k])
                 orthonormalise(T[k])
     return T
+
+
+@compiled
+def intersected(
+    T_camera_map: Array, landmarks: Array, camera: CameraArrays, seen: SeenArrays, damping: float, cauchy: float
+) -> Array:
+    """Return landmarks (L x 3): each is fitted alone to fixed poses, by one step with `damping`."""
+    L, frame, landmark = len(landmarks), seen[0], seen[1]
+    J, P, C, r = np.zeros((3, 6)), np.zeros((3, 3)), np.zeros((3, PARAMETERS)), np.zeros(3)
+    V, b, inverse, moved_to = np.zeros((L, 3, 3)), np.zeros((L, 3)), np.zeros((3, 3)), landmarks.copy()
+    for o in range(len(frame)):
+        k = landmark[o]
+        whitened_terms(o, T_camera_map[frame[o]], landmarks[k], camera, seen, cauchy, J, P, C, r)
+        for i in range(3):
+            b[k, i] += P[0, i] * r[0] + P[1, i] * r[1] + P[2, i] * r[2]
+            for j in range(3):
+                V[k, i, j] += P[0, i] * P[0, j] + P[1, i] * P[1, j] + P[2, i] * P[2, j]
+    for k in range(L):
+        invert_damped(V[k], damping, inverse)
+        for i in range(3):
+            for j in range(3):
+                moved_to[k, i] += inverse[i, j] * b[k, j]
+    return moved_to

@@ -13,9 +13,9 @@ from odom.backend import Odometry, TrajectoryPose
 from odom.backend.mapping.map_adjustment import Adjustment
 from odom.calibration.adjustment import FREE, Prior, System, fit, likely_gain, placed, start_of
 from odom.calibration.parameters import NAMES, TIMINGS, prior_sigma, vector_of
-from odom.calibration.pixel_error import significant_error_px
+from odom.calibration.pixel_error import ray_sigma_px, significant_error_px
 from odom.calibration.result import CONTRADICTED, RESTLESS, Calibrated, as_measured, calibrated, judge, restless_share
-from odom.calibration.survey import Survey, surveyed
+from odom.calibration.survey import Survey, survey_of, surveyed
 from odom.calibration.tuning import TUNING
 from odom.calibration.unit_of_length import in_believed_unit
 from odom.errors import ConfigError, InputError
@@ -53,11 +53,10 @@ def self_calibrated(odometry: Odometry, earlier: SelfCalibration | None = None) 
     `earlier` is what was found in mid-run and is in use since, None where nothing was.
     """
     try:
-        survey, frames = surveyed(odometry)
-        found = better_camera(survey, odometry.camera)
+        found = better_camera(survey_of(odometry), odometry.camera)
         if found.found is None:
             return earlier or found
-        return replace(found, trajectory=_trajectory(odometry, survey, frames, found.found))
+        return replace(found, trajectory=_trajectory(odometry, *surveyed(odometry), found.found))
     except (InputError, ConfigError, np.linalg.LinAlgError) as error:
         return earlier or SelfCalibration(reason=str(error))
 
@@ -82,10 +81,10 @@ def better_camera(
         return SelfCalibration(reason=RESTLESS.format(moving))
     off_px = significant_error_px(given, found.camera, found.sigma, few)
     reported = as_measured(in_believed_unit(found, few))
-    if not is_sure(reported):
-        return SelfCalibration(off_px, _UNSURE)
-    if not judge(few, found).is_better:
-        return SelfCalibration(off_px, GOOD)
+    own_px = ray_sigma_px(found)
+    is_nearer = off_px**2 - own_px**2 > own_px**2  # the expected squares of the errors of the two
+    if not is_nearer or not is_sure(reported) or not judge(few, found).is_better:
+        return SelfCalibration(off_px, GOOD if off_px <= own_px else _UNSURE)
     return SelfCalibration(off_px, "", reported)
 
 
